@@ -398,8 +398,9 @@ class Daemon:
             return
         try:
             await self._give_by(giver, order)
-        except (VfguideError, RefusedError) as error:
-            text = f"the order cannot be given: {error}"
+        except Exception as error:  # noqa: BLE001 - of laws and paths that the order is tried with
+            expected = isinstance(error, VfguideError | RefusedError)
+            text = f"the order cannot be given: {error if expected else described_error(error)}"
             self._dispatch(self._companion.tell(text, self._clock.now()))
         finally:
             requests.finish(order)

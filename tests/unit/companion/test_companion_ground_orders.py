@@ -1,5 +1,9 @@
 """A ground station beside a companion: orders by MAVLink commands, the connection both share, signatures."""
 
+import asyncio
+from collections.abc import Callable
+from unittest.mock import Mock
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -8,10 +12,19 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot, CalmWind, Signing
-from tests.kit.companion import KINDS, MANUAL, Flight, companion_of, emulator, new_flight
+from tests.kit.companion import (
+    KINDS,
+    MANUAL,
+    Flight,
+    companion_of,
+    emulator,
+    leader_bytes,
+    new_flight,
+)
 from tests.kit.link import LEADER, Wire, trust_of
 from tests.kit.missions import replaced
 from tests.kit.wire import command_long, heartbeat, of_type, packed, parsed
+from vfguide.companion.daemon import Daemon, Surroundings
 from vfguide.companion.ground_orders import (
     ABORT,
     FlownFormation,
@@ -19,11 +32,14 @@ from vfguide.companion.ground_orders import (
     ground_orders_of,
     order_codes,
 )
+from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.supervisor import Mode
-from vfguide.formation.arrangement import Point
+from vfguide.formation.arrangement import Arrangement, Manoeuvre, Point
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
+from vfguide.link.order_codec import decode_order
 from vfguide.link.trust import RefusedError
+from vfguide.mavlink.address import parse_address
 from vfguide.mavlink.framing import ConnectionSigning
 from vfguide.mavlink.reports import OrderRequest
 
@@ -240,6 +256,82 @@ def test_it_is_signed_by_the_operator_and_heard_by_all_and_by_the_companion_that
     wire.run(0.1)
     assert len(other.orders) == 2
     assert other.counters["refused: not for its sender to say"] == 1
+
+
+class WaitedClock:
+    """A clock that runs only while somebody waits."""
+
+    def __init__(self) -> None:
+        self._now_s = 10.0
+
+    def now(self) -> float:
+        return self._now_s
+
+    def real_seconds(self, seconds: float) -> float:
+        self._now_s += seconds
+        return 0.0
+
+
+class Giving:
+    """The leader's daemon without sockets, whose followers fly by order 7, which it has missed or not."""
+
+    def __init__(self, *, misses: bool, resolves: Callable[..., Arrangement] | None = None) -> None:
+        giver = OrderGiver(MISSION, trust_of("eye", 9))
+        self.daemon = Daemon(
+            flight_plan(MISSION, "leader"),
+            adapter_of(MISSION.vehicles["leader"]),
+            Surroundings(
+                mavlink=parse_address("udpin://127.0.0.1:14540"),
+                links=(),
+                formation=MISSION.name,
+                trust=trust_of("leader", 1),
+                clock=WaitedClock(),
+                engage=False,
+                record=None,
+                order_giver=giver if resolves is None else Mock(resolved=resolves),
+                ground_orders=ground_orders_of(MISSION),
+            ),
+        )
+        self.given: list[bytes] = []
+        member = Mock(give=lambda _operator, body: self.given.append(body))
+        self.daemon._own_member = member  # noqa: SLF001
+        self.daemon._link = Mock(order_lead_s=2.0, counters={})  # noqa: SLF001
+        for name in ("f1", "f2", "f3") if misses else ():
+            state = leader_bytes(10.0, north=-40.0, arrangement=7)
+            self.daemon._companion.receive_neighbour(name, state, 10.0)  # noqa: SLF001
+
+    async def request(self, code: float, caplog: pytest.LogCaptureFixture) -> list[str]:
+        """A ground station's request, until nothing is under way; returns what is told."""
+        caplog.set_level("INFO")
+        self.daemon._take_mavlink(command(code, target=(1, 191)))  # noqa: SLF001
+        await asyncio.gather(*self.daemon._orders)  # noqa: SLF001
+        return [record.message for record in caplog.records]
+
+
+async def test_an_abort_is_given_though_the_companion_has_missed_an_order(caplog):
+    giving = Giving(misses=True)
+    await giving.request(1, caplog)
+    assert {decode_order(body).flown for body in giving.given} == {Manoeuvre.ABORT}
+    # Repeated every half second until 6 s after its time, which is 2 s ahead.
+    assert len(giving.given) == 16
+
+
+async def test_no_other_order_is_given_while_one_is_missed(caplog):
+    giving = Giving(misses=True)
+    (told,) = await giving.request(2, caplog)
+    assert "the order cannot be given: the others fly by an order that is not known here" in told
+    assert giving.given == []
+
+
+async def test_an_order_that_fails_in_a_law_is_told_and_the_next_one_is_taken(caplog):
+    def fails(*_: object, **__: object) -> Arrangement:
+        raise ZeroDivisionError("a law's")
+
+    giving = Giving(misses=False, resolves=fails)
+    for _ in range(2):
+        caplog.clear()
+        told = await giving.request(1, caplog)
+        assert any("cannot be given: ZeroDivisionError" in text for text in told), told
 
 
 REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, GET_MESSAGE_INTERVAL = 512, 511, 510
