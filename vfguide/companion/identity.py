@@ -133,9 +133,10 @@ class VehicleIdentity:
             self._jumped.append(now)
             if len(self._jumped) == TIMES and now - self._jumped[0] <= WITHIN_S:
                 self._two_s = now
+        self._places.pop(report.series, None)
         self._places[report.series] = seen
         if len(self._places) > MOST_SERIES:
-            del self._places[min(self._places)]
+            del self._places[next(iter(self._places))]
         if len(self._places) > 1:
             others = [one for series, one in self._places.items() if series != report.series]
             recent = [one for one in others if now - one.heard_s <= WITHIN_S]

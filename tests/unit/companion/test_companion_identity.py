@@ -120,6 +120,21 @@ def test_one_aircraft_over_two_links_has_two_series_of_numbers_and_one_clock():
     assert identity.objection(6.0) is None
 
 
+def test_the_second_link_is_remembered_through_bursts_of_lost_frames():
+    """Each of four bursts begins a series of its own; the two links are the oldest and heard on."""
+    identity = VehicleIdentity(2)
+    for step in range(400):
+        now, link = 0.1 * step, step % 2
+        burst = 2 + step // 40 if step < 160 and step % 40 == 20 else link
+        place = {"latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_amsl": 588.0}
+        still = {"velocity_north": 0.0, "velocity_east": 0.0, "heading": 0.0, "climb_rate": 0.0}
+        position = PositionReport(boot_time_s=now, series=burst, **place, **still)
+        identity.note_position(position, now)
+        beat = {"autopilot": 3, "custom_mode": 0, "armed": True, "vehicle_type": 1, "status": 4}
+        identity.note_heartbeat(HeartbeatReport(series=link, **beat), now)
+        assert identity.objection(now) is None
+
+
 def heading_of(**target: int) -> MAVLink_message:
     to = {"target_system": 2, "target_component": 1} | target
     numbers = (0, HEADING, 0, 0, 0.0, 90.0, 9.8, 0.0, 0, 0, 0.0)
