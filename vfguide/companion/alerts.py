@@ -33,6 +33,9 @@ MOST_WAITING = 16
 MOST_REMEMBERED = 64
 """Limit on remembered texts of a kind."""
 
+MOST_KEYS = 256
+"""Limit on keys that are quiet; a heartbeat's mode is part of some, and may be any number."""
+
 MOST_SAID = 64
 """Limit on texts of a kind between two collections, some tenths of a second: a flood is cut off."""
 
@@ -202,6 +205,8 @@ class Alerts:
             return True
         self._quiet_until[alert.key] = now + alert.quiet_s
         self._quiet_until.move_to_end(alert.key)
+        if len(self._quiet_until) > MOST_KEYS:
+            self._quiet_until.popitem(last=False)
         return False
 
     def _taken(self, alert: Alert, now: float) -> Event:

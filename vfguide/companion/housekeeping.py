@@ -212,7 +212,8 @@ class Housekeeping:
         silent = now - vehicle.telemetry_time > self._timeouts.telemetry_s
         slow = vehicle.interval * self._plan.rate_hz * RATE_SHARE > 1.0
         # Unrequested telemetry may have another rate, or several.
-        if authority.connected and (silent or slow or not self._asked_for_telemetry):
+        wanted = silent or slow or not self._asked_for_telemetry
+        if authority.connected and wanted and not full:
             self._asked_for_telemetry = True
             messages += self._telemetry_requests(now)
         if not silent:

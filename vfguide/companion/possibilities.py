@@ -452,7 +452,7 @@ def heading_held(seen: VehiclesInSight, wind: complex) -> tuple[ComplexArray, Co
     change = wind - seen.wind
     heard = (seen.velocity - change) * np.exp(-1j * seen.turn_rate * seen.age)
     air = heard - seen.wind
-    rate_of_air = 1j * seen.turn_rate * heard - change / seen.age
+    rate_of_air = 1j * seen.turn_rate * heard - change / np.maximum(seen.age, 1e-3)
     turn_rate = np.imag(np.conj(air) * rate_of_air) / np.maximum(np.abs(air), 1.0) ** 2
     turned = arc(seen.heard_at, air, turn_rate, np.asarray(LAST_TURN_S))
     held = air * np.exp(1j * turn_rate * LAST_TURN_S)

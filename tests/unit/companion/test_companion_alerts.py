@@ -14,6 +14,7 @@ from tests.kit.orders import moves, order_of
 from tests.kit.states import reported
 from tests.kit.wire import parsed
 from vfguide.companion.alerts import (
+    MOST_KEYS,
     MOST_SAID,
     MOST_WAITING,
     PAUSE_S,
@@ -146,6 +147,16 @@ def test_what_is_said_once_in_a_flight_is_said_again_in_the_next(alerts):
     alerts.forget("authority")
     alerts.say("authority: a", WARNING, "select GUIDED", quiet_s=math.inf)
     assert len(alerts.heard(1.0)) == 1
+
+
+def test_ever_new_keys_take_no_more_memory(alerts):
+    for number in range(3 * MOST_KEYS):
+        alerts.say(f"authority: mode {number}", WARNING, f"mode {number}", quiet_s=math.inf)
+        alerts.heard(float(number))
+    assert len(alerts._quiet_until) == MOST_KEYS  # noqa: SLF001
+    # The newest are still quiet.
+    alerts.say(f"authority: mode {number}", WARNING, "again", quiet_s=math.inf)
+    assert alerts.heard(1e6) == []
 
 
 def test_a_part_is_heard_only_while_it_is_played(alerts):

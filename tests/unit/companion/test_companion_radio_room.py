@@ -10,6 +10,8 @@ from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.codec import Codec
 from vfguide.mavlink.reports import RadioReport
 
+SET_MESSAGE_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+
 SIK = {"system_id": 51, "component_id": 68}
 """Names that SiK radios give themselves."""
 
@@ -89,3 +91,19 @@ def test_a_full_radio_carries_what_steers_and_heartbeats_alone_and_the_pilot_hea
     told = [text for _, text in flown.events if "radio to the autopilot is behind" in text]
     assert "40% of its buffer are free: setpoints at half their rate" in told[0]
     assert flown.companion.snapshot.mode.value == "tracking"
+
+
+def test_a_full_radio_carries_no_requests_for_telemetry():
+    """Without airspeeds and positions from 31 s on it asks once a second, but for the full radio."""
+    flown = new_flight(
+        forge=lambda now: b"" if now % 1.0 else radio_status(10 if now > 30.0 else 100),
+        edit=lambda message, now: (
+            message if now < 31.0 or message.get_type() == "HEARTBEAT" else None
+        ),
+        until_s=45.0,
+    )
+    assert flown.times(SET_MESSAGE_INTERVAL) != []
+    assert flown.later(SET_MESSAGE_INTERVAL, 30.0) == []
+    flown.forge = lambda _: b""
+    flown.run(53.0)
+    assert flown.later(SET_MESSAGE_INTERVAL, 45.0) != []

@@ -217,6 +217,15 @@ def test_one_that_fell_silent_may_fly_on_with_the_formation_or_straight():
     assert list(others.floor) == pytest.approx([FLOOR_M + DRIFT_M_S * (3.0 - SILENT_S)] * 3)
 
 
+def test_one_that_is_heard_at_this_very_moment_is_beside_one_that_fell_silent():
+    traffic = followers()
+    traffic.receive("f2", leader_bytes(10.0, turn_rate=TURN), 10.0)
+    for time_s in (9.0, 11.0, 12.9, 13.0):
+        traffic.receive("f3", leader_bytes(time_s), time_s)
+    others = found(traffic, beside(13.0, east=7.0), frozenset({0, 1}))
+    assert np.isfinite(others.tracks).all()
+
+
 def test_one_that_fell_silent_may_fly_straight_on_along_the_course_that_it_was_told_to_hold():
     traffic = both()
     # A gust turns it to the right; what its autopilot holds is 0.2 rad to the left.
