@@ -71,26 +71,11 @@ FLYING = (
     "unit/mission/test_mission_hold_heights.py",
     *(
         f"unit/sitl_stub/test_stub_{name}.py"
-        for name in (
-            "ground_start",
-            "measurements",
-            "parameters",
-            "plant",
-            "px4",
-            "receive_fuzz",
-        )
+        for name in ("ground_start", "measurements", "parameters", "plant", "px4", "receive_fuzz")
     ),
     *(
         f"unit/companion/test_companion_{name}.py"
-        for name in (
-            "avoidance",
-            "consent",
-            "engaging",
-            "fail_safe",
-            "fuzz",
-            "roles",
-            "steering",
-        )
+        for name in ("avoidance", "consent", "engaging", "fail_safe", "fuzz", "roles", "steering")
     ),
 )
 """Unit tests that fly a closed loop, draw, or try thousands of inputs: `make test-fast` leaves them out."""

@@ -66,11 +66,7 @@ def made(name: str) -> Stage:
     return Stage(name, ("make", "--no-print-directory", f"test-{name}"))
 
 
-ROWS = (
-    (made("lockstep"),),
-    (made("lint"),),
-    (made("sockets"), made("containers"), made("live")),
-)
+ROWS = ((made("lockstep"),), (made("lint"),), (made("sockets"), made("containers"), made("live")))
 """Side by side, the stages of a row one after the other.
 
 Lint and the flights in lockstep take what processor is left. What runs in real time needs it, one stage at a

@@ -59,8 +59,5 @@ def cases() -> Cases:
                 **({} if path is None else {"path": path}),
             }
             formation = vfguide.fly(mission, settings=settings).summary.formation
-            figures |= {
-                f"{name}_m": formation.mean_error_m,
-                f"{name}_p95_m": formation.p95_error_m,
-            }
+            figures |= {f"{name}_m": formation.mean_error_m, f"{name}_p95_m": formation.p95_error_m}
         yield ", ".join(filter(None, (message, f"{rate_hz:g} Hz", changed))), figures

@@ -72,10 +72,7 @@ def told_of(*settings: str, text: str = CIRCLE_TEXT, **options: Any) -> list[str
     ("setting", "said"),
     [
         ("leader.airsped=20", "unknown field 'airsped'; did you mean 'airspeed_m_s'?"),
-        (
-            "leader.airspeed_m_s=fast",
-            "'fast' is not a number; write a number without quotes",
-        ),
+        ("leader.airspeed_m_s=fast", "'fast' is not a number; write a number without quotes"),
         (
             "leader.airspeed_m_s=20 m/s",
             "'20 m/s' is not a number; write the number alone, without a unit",

@@ -113,8 +113,7 @@ SAID = {"time_s": 1.0, "vehicle": "f1", "kind": "order", "text": "x", "warning":
 
 
 @pytest.mark.parametrize(
-    "entries",
-    [{}, [{}], [5], *([SAID | {"time_s": wrong}] for wrong in ("x", -1.0, 1e300))],
+    "entries", [{}, [{}], [5], *([SAID | {"time_s": wrong}] for wrong in ("x", -1.0, 1e300))]
 )
 def test_damaged_events_are_one_line(circle_flight, tmp_path, entries):
     path = tmp_path / "flight.npz"
