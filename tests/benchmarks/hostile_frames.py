@@ -1,9 +1,10 @@
-"""Random and mutated MAVLink frames into emulator and companion.
+"""Hostile bytes into emulator, companions and a member of the link.
 
 Nothing may be raised, nothing infinite flown or asked for, nothing kept in memory. With `--frames 1000000` it
-takes some minutes for each. A quarter of the frames is noise, a quarter is a real one with some bits changed,
-and half are whole: any message of the dialect, or one that is obeyed, with random content and a right
-checksum, from the one who would be believed.
+takes some minutes for each. Of MAVLink a quarter is noise, a quarter a real frame with some bits changed, and
+half are whole: any message of the dialect, or one that is obeyed, with random content and a right checksum,
+from the one who would be believed. A member of the link believes nothing but what its leader says between
+noise, cut, changed, forged and repeated datagrams.
 """
 
 import argparse
@@ -19,10 +20,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl_stub import PlantParameters, SteadyWind
 from tests.kit.autopilot import new_autopilot
 from tests.kit.figures import resident_mb, tell
+from tests.kit.link import LEADER as LEADER_NAME
+from tests.kit.link import Station, Wire, trust_of
 from tests.kit.missions import shipped
 from tests.kit.wire import packed, position_report
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
+from vfguide.link.codec import Kind
 
 LEADER = 1
 STEP_S = 0.001
@@ -33,7 +37,11 @@ GROWTH_ALLOWED_MB = 4.19
 
 TO_EMULATOR = (11, 20, 21, 23, 43, 44, 66, 75, 76, 84, 86, 111, 4, 256, 0)
 TO_COMPANION = (0, 22, 33, 74, 77, 253)
+TO_FOLLOWER = (0, 33, 63, 111, 144, 235)
 """Messages that are acted on."""
+
+SEQUENCE = slice(32, 36)
+"""Of a datagram on the link: its number."""
 
 COMMANDS = (
     *(17, 20, 22, 176, 178, 192, 246, 400, 401, 410),
@@ -122,7 +130,11 @@ def struct_places(message: type) -> dict[str, int]:
     return places
 
 
-def emulator(kind: str) -> Callable[[bytes, int], None]:
+Feed = Callable[[bytes, int], None]
+"""Takes a frame, and its number."""
+
+
+def emulator(kind: str) -> Feed:
     """Feeds frames to an emulated autopilot and looks at its true state."""
     autopilot = new_autopilot(
         SteadyWind(5.0, 1.0),
@@ -147,10 +159,14 @@ def emulator(kind: str) -> Callable[[bytes, int], None]:
     return feed
 
 
-def companion(_kind: str) -> Callable[[bytes, int], None]:
-    """Feeds frames to a companion and looks at every number that it says."""
-    mission = shipped("line-calm")
-    name = mission.leader.vehicle
+def companion(kind: str) -> Feed:
+    """Feeds frames to a companion and looks at every number that it says.
+
+    A leader's gets them from its autopilot, a follower's from a leader without a companion.
+    """
+    follows = kind == "follower"
+    mission = shipped("foreign-leader" if follows else "line-calm")
+    name = "f1" if follows else mission.leader.vehicle
     vehicle = mission.vehicles[name]
     guided = Companion(flight_plan(mission, name), adapter_of(vehicle), engage=True)
     listener = mavlink.MAVLink(None)
@@ -158,9 +174,12 @@ def companion(_kind: str) -> Callable[[bytes, int], None]:
 
     def feed(frame: bytes, index: int) -> None:
         now = index * STEP_S
-        if index % 10 == 0:
-            frame = telemetry(now) + frame
-        out = guided.receive_mavlink(frame, now)
+        said = telemetry(now, vehicle.system_id) if index % 10 == 0 else b""
+        if follows:
+            guided.receive_link(frame, now)
+        else:
+            said += frame
+        out = guided.receive_mavlink(said, now)
         for message in listener.parse_buffer(out.to_autopilot) or ():
             for field in message.get_fieldnames():
                 value = getattr(message, field)
@@ -170,7 +189,7 @@ def companion(_kind: str) -> Callable[[bytes, int], None]:
     return feed
 
 
-def telemetry(now: float) -> bytes:
+def telemetry(now: float, system_id: int) -> bytes:
     """What a real autopilot says between the frames: GUIDED, flying north, so that it is guided."""
     north_e7 = 473_977_420 + round(20.0 * now / 0.0111) % 100_000
     stamp = round(now * 1000.0) % 2**32
@@ -178,15 +197,86 @@ def telemetry(now: float) -> bytes:
         mavlink.MAVLink_heartbeat_message(1, 3, 129, 15, 4, 3),
         mavlink.MAVLink_vfr_hud_message(20.0, 20.0, 0, 50, 588.0, 0.0),
         position_report(lat=north_e7, vx=2000, time_boot_ms=stamp),
-        system_id=LEADER,
+        system_id=system_id,
         component_id=1,
     )
 
 
-TARGETS: dict[str, tuple[Callable[[str], Callable[[bytes, int], None]], dict[str, object]]] = {
-    "ardupilot": (emulator, {"system_id": 255, "component_id": 190, "favourites": TO_EMULATOR}),
-    "px4": (emulator, {"system_id": 255, "component_id": 190, "favourites": TO_EMULATOR}),
-    "companion": (companion, {"system_id": LEADER, "component_id": 1, "favourites": TO_COMPANION}),
+def members() -> tuple[Wire, Station, Station]:
+    """(wire, leader, follower) that have heard each other for two seconds, the same each time."""
+    wire = Wire()
+    speaker, listener = wire.station(LEADER_NAME, session=1), wire.station("f1", session=2)
+    wire.fly(speaker, 2.0, listener)
+    assert listener.heard
+    listener.heard.clear()
+    return wire, speaker, listener
+
+
+def datagrams(seed: int) -> Iterator[bytes]:
+    """Datagrams that no member of the formation has said, or not now."""
+    chance = random.Random(seed)
+    wire, *_ = members()
+    real = [parcel.data for parcel in wire.sent if parcel.kind is Kind.STATE]
+    strange = [
+        trust_of(LEADER_NAME, 9, signed=False).seal(Kind.STATE, b"unsigned", time_s=2.0),
+        trust_of(LEADER_NAME, 9).seal(Kind.STATE, b"of yesterday", time_s=2.0),
+    ]
+    while True:
+        data = bytearray(chance.choice(real))
+        match chance.randrange(6):
+            case 0:
+                yield chance.randbytes(chance.randrange(1500))
+            case 1:
+                yield bytes(data[: chance.randrange(len(data))])
+            case 2:
+                data[chance.randrange(len(data))] ^= chance.randrange(1, 256)
+                yield bytes(data)
+            case 3:
+                # Newer than anything that was said, with every number right but the signature.
+                data[SEQUENCE] = (2**31 + chance.randrange(2**30)).to_bytes(4, "little")
+                yield bytes(data)
+            case 4:
+                yield chance.choice(strange)
+            case _:
+                yield bytes(data)
+
+
+def member(_kind: str) -> Feed:
+    """Feeds datagrams to a member, who believes nothing but what its leader says between them."""
+    wire, speaker, listener = members()
+
+    def feed(data: bytes, index: int) -> None:
+        listener.member.take(data)
+        if index % 100 == 99:
+            said = b"true %d" % index
+            speaker.member.publish(said)
+            wire.run(1.0)
+            assert [body for _, body in listener.heard] == [said], (index, listener.heard)
+            assert listener.counters["failed to use"] == 0
+            listener.heard.clear()
+            wire.sent.clear()
+
+    return feed
+
+
+def to_companion(seed: int) -> Iterator[bytes]:
+    return iter(Frames(seed, system_id=LEADER, component_id=1, favourites=TO_COMPANION))
+
+
+def to_emulator(seed: int) -> Iterator[bytes]:
+    return iter(Frames(seed, system_id=255, component_id=190, favourites=TO_EMULATOR))
+
+
+def to_follower(seed: int) -> Iterator[bytes]:
+    return iter(Frames(seed, system_id=7, component_id=1, favourites=TO_FOLLOWER))
+
+
+TARGETS: dict[str, tuple[Callable[[str], Feed], Callable[[int], Iterator[bytes]]]] = {
+    "ardupilot": (emulator, to_emulator),
+    "px4": (emulator, to_emulator),
+    "companion": (companion, to_companion),
+    "follower": (companion, to_follower),
+    "member": (member, datagrams),
 }
 
 
@@ -199,10 +289,10 @@ def main() -> int:
     options = parser.parse_args()
     grown = False
     for name in options.targets:
-        make, sender = TARGETS[name]
+        make, hostile = TARGETS[name]
         feed = make(name)
         began_s, before_mb = time.perf_counter(), 0.0
-        for index, frame in enumerate(Frames(options.seed, **sender)):
+        for index, frame in enumerate(hostile(options.seed)):
             if index == options.frames:
                 break
             if index == options.frames // 10:

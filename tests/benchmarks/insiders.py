@@ -161,21 +161,20 @@ LEADERS_DO = (*VEHICLES_DO, "clock")
 OPERATORS_DO = ("old order", "old abort", "two orders", "leap", "flood")
 
 
-def drawn_attack(flight: SignedFlight, random: Random) -> tuple[str, str, str]:
-    """(part in the formation, name, form of the attack), by chance."""
+def drawn_attack(flight: SignedFlight, random: Random) -> tuple[str, str]:
+    """(name, form of the attack) of a follower, a deputy, the leader or the operator, by chance."""
     mission = flight.mission
     leader, deputies = mission.leader.vehicle, list(mission.deputies)
     others = [name for name in flight.names if name not in (leader, *deputies)]
-    part = random.choice(("follower", "deputy", "leader", "operator"))
-    match part:
+    match random.choice(("follower", "deputy", "leader", "operator")):
         case "leader":
-            return part, leader, random.choice(LEADERS_DO)
+            return leader, random.choice(LEADERS_DO)
         case "deputy":
-            return part, random.choice(deputies), random.choice(LEADERS_DO)
+            return random.choice(deputies), random.choice(LEADERS_DO)
         case "operator":
-            return part, OPERATOR, random.choice(OPERATORS_DO)
+            return OPERATOR, random.choice(OPERATORS_DO)
         case _:
-            return part, random.choice(others), random.choice(VEHICLES_DO)
+            return random.choice(others), random.choice(VEHICLES_DO)
 
 
 def strays(flight: SignedFlight, given: set[tuple[int, int]]) -> dict[str, str]:

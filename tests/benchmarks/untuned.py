@@ -1,23 +1,17 @@
 """Formations of aircraft that nobody has tuned: each in four airs, declared right, wrongly or not at all.
 
-    python -m tests.benchmarks.untuned                                  # every aircraft in every air
-    python -m tests.benchmarks.untuned --flights 20 --processes 1       # some of them, drawn
-    python -m tests.benchmarks.untuned --aircraft px4-untrimmed --air rough --declared fast
+    make results STUDIES=untuned                                # every aircraft in every air
+    python -m tests.benchmarks.untuned px4-untrimmed:rough:fast ...  # some, with words about each
 
 Missions are as a newcomer writes them: places, speeds and slots, no gain at all. What the aircraft really
 are is in `rehearsal.emulator`; what is declared is right, absent, or wrong by a factor of three either way.
 """
 
-import argparse
-import json
 import math
-import os
 import sys
-import time
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cache
-from pathlib import Path
 from random import Random
 from typing import Any
 
@@ -26,7 +20,7 @@ import numpy as np
 from sitl_stub.autopilot import flight_at_start
 from sitl_stub.loops import SpeedTarget, TurnTarget
 from sitl_stub.personality import personality_of
-from tests.benchmarks.results import Figures, append, row
+from tests.benchmarks.results import Cases, Figures
 from tests.kit.figures import tell
 from tests.kit.missions import shipped
 from vfguide.elementwise import FloatArray
@@ -39,7 +33,7 @@ from vfguide.lab.studies.flown import executor_on, or_nan
 from vfguide.mission import Mission
 from vfguide.record.flight import FlightRecord
 
-DURATION_S = 240.0
+DURATION_S = 160.0
 RADIUS_M = 250.0
 SLOTS = {"f1": (-25.0, -25.0), "f2": (-25.0, 25.0), "f3": (-50.0, 0.0)}
 """Metres ahead and right of the leader."""
@@ -87,7 +81,7 @@ class UntunedAircraft:
     """One kind of aircraft: what it really is, and what somebody may say of it."""
 
     name: str
-    """For `--aircraft`."""
+    """For the command line."""
     emulator: dict[str, Any]
     """What flies, as in `rehearsal.emulator`."""
     cruise_m_s: float = 20.0
@@ -128,22 +122,12 @@ def hold(
     cruise: float = 20.0,
     late: float = 0.0,
     plant: str = "heading-hold",
-    speed: str = "first-order",
 ) -> UntunedAircraft:
     """Make an aircraft whose holds of course and speed are of first order, both so many seconds late."""
-    tecs = speed == "tecs"
-    truth = {"plant": plant, "alpha_1_s": alpha, "beta_1_s": beta, "speed_response": speed}
-    truth |= {"course_dead_time_s": late} | ({} if tecs else {"speed_dead_time_s": late})
-    known: dict[str, Any] = {"plant": plant, "course_dead_time_s": late, "speed_dead_time_s": late}
-    if tecs:
-        known |= {"speed_hold": "total-energy", "speed_dead_time_s": 0.5}
+    known = {"plant": plant, "course_dead_time_s": late, "speed_dead_time_s": late}
+    truth = known | {"alpha_1_s": alpha, "beta_1_s": beta, "speed_response": "first-order"}
     return UntunedAircraft(
-        name=name,
-        emulator=truth,
-        cruise_m_s=cruise,
-        alpha_1_s=alpha,
-        beta_1_s=0.55 if tecs else beta,
-        known=known,
+        name=name, emulator=truth, cruise_m_s=cruise, alpha_1_s=alpha, beta_1_s=beta, known=known
     )
 
 
@@ -185,15 +169,10 @@ def banking(
 
 
 def px4(
-    name: str,
-    alpha: float,
-    roll_s: float,
-    *,
-    cruise: float = 18.0,
-    late: float = 0.06,
-    trimmed: bool,
+    name: str, alpha: float, roll_s: float, *, cruise: float = 18.0, trimmed: bool
 ) -> UntunedAircraft:
     """Make a PX4: bank by its course law, and one of its speed holds."""
+    late = 0.06
     return UntunedAircraft(
         name=name,
         emulator={
@@ -216,26 +195,19 @@ def px4(
     )
 
 
-def rigid(
-    name: str, guided_p: float, *, cruise: float = 22.0, late: float = 0.0
-) -> UntunedAircraft:
+def rigid(name: str, guided_p: float, *, cruise: float = 22.0) -> UntunedAircraft:
     """Make a rigid body."""
     alpha = SIX_DOF_ALPHA_1_S * guided_p / SIX_DOF_GUIDED_P * SIX_DOF_SPEED_M_S / cruise
     return UntunedAircraft(
         name=name,
-        emulator={
-            "plant": "six-dof",
-            "guided_p": round(guided_p),
-            "course_dead_time_s": late,
-            "max_acceleration_m_s2": 2.0,
-        },
+        emulator={"plant": "six-dof", "guided_p": round(guided_p), "max_acceleration_m_s2": 2.0},
         cruise_m_s=cruise,
         alpha_1_s=round(alpha, 3),
-        known={"course_lag_s": 0.35, "course_dead_time_s": late, "max_acceleration_m_s2": 2},
+        known={"course_lag_s": 0.35, "max_acceleration_m_s2": 2},
     )
 
 
-TWELVE = (
+ALL = (
     hold("lively", 4.0, 2.0),
     hold("sluggish", 0.3, 0.2, cruise=14.0),
     hold("late", 1.2, 0.8, late=0.35),
@@ -249,61 +221,8 @@ TWELVE = (
     rigid("six-dof", 12_000.0),
     rigid("six-dof-soft", 5_000.0, cruise=25.0),
 )
-"""Representatives of them all."""
 
-
-def strata(random: Random, lowest: float, highest: float, count: int) -> Iterator[float]:
-    """Numbers of so many equal parts of a range, one of each, in no order; parts of its logarithm."""
-    parts = [
-        lowest * (highest / lowest) ** ((number + random.random()) / count)
-        for number in range(count)
-    ]
-    random.shuffle(parts)
-    yield from parts
-
-
-def drawn(random: Random) -> Iterator[UntunedAircraft]:
-    """Draw fifty more, spread over all that aircraft are."""
-
-    def columns(count: int, *ranges: tuple[float, float]) -> Iterator[tuple[float, ...]]:
-        spreads = [strata(random, *one, count) for one in ranges]
-        for number, values in enumerate(zip(*spreads, strict=True), start=1):
-            late = random.choice((0.0, 0.1, 0.2, 0.3, 0.4))
-            yield (number, late, *(round(one, 3) for one in values))
-
-    for plant, count in (("heading-hold", 12), ("course-hold", 8)):
-        holds = columns(count, (0.3, 4.0), (0.2, 2.0), (12.0, 30.0))
-        for number, late, alpha, beta, cruise in holds:
-            tecs = plant == "heading-hold" and number % 3 == 0
-            yield hold(
-                f"{plant}-{number}",
-                alpha,
-                beta,
-                cruise=cruise,
-                late=late,
-                plant=plant,
-                speed="tecs" if tecs else "first-order",
-            )
-    ranges = ((3_000.0, 20_000.0), (0.2, 0.8), (0.7, 1.0), (12.0, 30.0), (0.2, 2.0))
-    for number, late, guided_p, roll_s, efficiency, cruise, beta in columns(16, *ranges):
-        yield banking(
-            f"bank-{number}",
-            guided_p,
-            roll_s,
-            1.0 if number % 2 else efficiency,
-            cruise=cruise,
-            late=late,
-            beta=None if number % 4 else beta,
-        )
-    npfg = columns(9, (0.5, 2.5), (0.2, 0.8), (12.0, 26.0))
-    for number, late, alpha, roll_s, cruise in npfg:
-        trimmed = number % 2 == 1
-        yield px4(f"npfg-{number}", alpha, roll_s, cruise=cruise, late=late, trimmed=trimmed)
-    for number, late, guided_p, cruise in columns(5, (4_000.0, 18_000.0), (20.0, 26.0)):
-        yield rigid(f"six-dof-{number}", guided_p, cruise=cruise, late=late)
-
-
-AIRCRAFT = {one.name: one for one in (*TWELVE, *drawn(Random("aircraft")))}
+AIRCRAFT = {one.name: one for one in ALL}
 """All of them by name."""
 
 
@@ -321,8 +240,6 @@ class UntunedFlight:
     """Of turbulence, sensors and link."""
     duration_s: float = DURATION_S
     """Length of the flight."""
-    law: str = "slot"
-    """By which followers keep their slots."""
 
     def mission(self) -> Mission:
         """Write the mission as a newcomer does, and the truth below `rehearsal.emulator`."""
@@ -352,7 +269,7 @@ class UntunedFlight:
                     name: {"system_id": number, **vehicle}
                     for number, name in enumerate(["leader", *SLOTS], start=1)
                 },
-                "controller": {"type": self.law},
+                "controller": {"type": "slot"},
                 "wind": air["wind"],
                 "rehearsal": {
                     "duration_s": self.duration_s,
@@ -385,14 +302,10 @@ class Judged:
     """Root mean square, of the vehicle with the most."""
     lone_roll_rate_rad_s: float
     """The same of a lone aircraft that holds its course in this air."""
-    course_variation_rad_s: float
-    """Variation of course setpoints, of the vehicle with the most."""
     restless: str
     """Vehicle with the greatest roll rate."""
     handed_back: tuple[str, ...]
     """Vehicles that are not steered at the end."""
-    wall_s: float
-    """What it took."""
 
     @property
     def lost(self) -> bool:
@@ -410,13 +323,6 @@ class Judged:
         quiet = max(QUIET_ROLL_RAD_S, THRASHED_ROLL * self.lone_roll_rate_rad_s)
         return self.limited > THRASHED_SHARE or self.roll_rate_rad_s > quiet
 
-    @property
-    def badness(self) -> float:
-        """Orders flights from the best to the worst: what must not be, then metres."""
-        worst = 1e6 * self.near + 1e5 * self.lost + 1e4 * self.thrashed
-        error = self.mean_error_m if math.isfinite(self.mean_error_m) else 1e4
-        return worst + error / (1.0 if self.flight.air in SMOOTH else 2.5)
-
     def words(self) -> str:
         """Tell the flight in one line."""
         one = self.flight
@@ -429,15 +335,13 @@ class Judged:
             f" max {self.max_error_m:6.1f}, within 10 m after {self.settle_10m_s:4.0f} s,"
             f" limits {self.limited:4.0%}, roll {math.degrees(self.roll_rate_rad_s):5.1f} deg/s"
             f" ({self.restless}; alone {math.degrees(self.lone_roll_rate_rad_s):.1f}),"
-            f" courses {self.course_variation_rad_s:.2f} rad/s,"
-            f" nearest {self.min_separation_m:4.1f} m, {self.wall_s:.0f} s{flags}{back}"
+            f" nearest {self.min_separation_m:4.1f} m{flags}{back}"
         )
 
 
 def judge(flight: UntunedFlight) -> Judged:
     """Fly it and judge it."""
-    mission = flight.mission()
-    return judged(flight, fly_lockstep(mission).record)
+    return judged(flight, fly_lockstep(flight.mission()).record)
 
 
 def judged(flight: UntunedFlight, record: FlightRecord) -> Judged:
@@ -460,14 +364,10 @@ def judged(flight: UntunedFlight, record: FlightRecord) -> Judged:
         limited=max(or_nan(one.limited_fraction) for one in summary.vehicles.values()),
         roll_rate_rad_s=rolls[restless],
         lone_roll_rate_rad_s=lone_roll_rate(flight.aircraft, flight.air, flight.seed),
-        course_variation_rad_s=max(
-            or_nan(one.course_setpoint_excess_variation_rad_s) for one in summary.vehicles.values()
-        ),
         restless=restless,
         handed_back=tuple(
             one.name for one in record.vehicles if record.mode_names[one.mode[-1]] not in steered
         ),
-        wall_s=or_nan(record.wall_s),
     )
 
 
@@ -504,23 +404,15 @@ def rolled(aircraft: str, time_s: FloatArray, bank_rad: FloatArray) -> float:
     return or_nan(roll_rate_rms(time_s, bank_rad))
 
 
-def flights(options: argparse.Namespace) -> list[UntunedFlight]:
-    """List the flights that the command line asks for; declarations and order are drawn."""
-    pairs = [(aircraft, air) for aircraft in AIRCRAFT for air in AIRS]
-    Random(f"order {options.seed}").shuffle(pairs)
-    wanted = set(options.aircraft or AIRCRAFT)
-    if options.twelve:
-        wanted &= {one.name for one in TWELVE}
-    found = []
-    for aircraft, air in pairs:
-        drawn_so = Random(f"declared {options.seed} {aircraft} {air}").choice(DECLARED)
-        if aircraft in wanted and air in (options.air or AIRS):
-            fixed = {"seed": options.seed, "duration_s": options.duration, "law": options.law}
-            found += [
-                UntunedFlight(aircraft=aircraft, air=air, declared=how, **fixed)
-                for how in options.declared or [drawn_so]
-            ]
-    return found[: options.flights]
+def flights() -> list[UntunedFlight]:
+    """Every aircraft in every air, by a declaration that is drawn."""
+    return [
+        UntunedFlight(
+            aircraft=one, air=air, declared=Random(f"declared 1 {one} {air}").choice(DECLARED)
+        )
+        for one in AIRCRAFT
+        for air in AIRS
+    ]
 
 
 def figures_of(all_judged: Sequence[Judged]) -> Figures:
@@ -543,54 +435,17 @@ def figures_of(all_judged: Sequence[Judged]) -> Figures:
     }
 
 
-def parse(words: Sequence[str] | None) -> argparse.Namespace:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--flights", type=int, help="so many of them, drawn; all if absent")
-    parser.add_argument("--duration", type=float, default=DURATION_S, metavar="S")
-    parser.add_argument("--processes", type=int, default=os.cpu_count())
-    parser.add_argument("--scheduler", metavar="URL", help="a Dask scheduler instead")
-    parser.add_argument("--aircraft", action="append", choices=AIRCRAFT, metavar="NAME")
-    parser.add_argument("--twelve", action="store_true", help="the representatives alone")
-    parser.add_argument("--air", action="append", choices=AIRS)
-    parser.add_argument("--declared", action="append", choices=DECLARED, help="drawn if absent")
-    parser.add_argument("--law", default="slot", help="by which followers keep their slots")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="where all figures go")
-    parser.add_argument("--append", action="store_true", help="a row to docs/results")
-    parser.add_argument("--list", action="store_true", help="print the aircraft and fly nothing")
-    return parser.parse_args(words)
+def cases() -> Cases:
+    """Fly them all."""
+    with executor_on() as executor:
+        yield "twelve aircraft, 160 s each", figures_of(list(executor.map(judge, flights())))
 
 
-def main(words: Sequence[str] | None = None) -> None:
-    """Fly what the command line says."""
-    options = parse(words)
-    if options.list:
-        for one in AIRCRAFT.values():
-            tell(
-                f"{one.name:16} {one.cruise_m_s:5.1f} m/s, alpha {one.alpha_1_s:5.2f}, {one.emulator}"
-            )
-        return
-    wanted, all_judged, began = flights(options), [], time.monotonic()
-    with executor_on(options.scheduler, options.processes) as executor:
-        for one in executor.map(judge, wanted):
-            all_judged.append(one)
-            tell(f"{len(all_judged):3} of {len(wanted)}: {one.words()}")
-            if options.json is not None:
-                options.json.write_text(
-                    json.dumps([asdict(each) for each in all_judged], indent=1), encoding="utf-8"
-                )
-    figures = figures_of(all_judged)
-    tell(figures)
-    if options.append:
-        told = f"`{' '.join(sys.argv[1:])}`"
-        append("untuned", [row(told, figures, "python -m tests.benchmarks.untuned --append")])
-    tell("\nthe worst:")
-    for one in sorted(all_judged, key=lambda each: each.badness, reverse=True)[:10]:
-        tell(one.words())
-    tell(f"{(time.monotonic() - began) / 60.0:.1f} min")
+def main() -> None:
+    """Fly some by their names, and tell of each."""
+    for word in sys.argv[1:]:
+        aircraft, air, declared = word.split(":")
+        tell(judge(UntunedFlight(aircraft=aircraft, air=air, declared=declared)).words())
 
 
 if __name__ == "__main__":
