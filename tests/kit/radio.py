@@ -6,36 +6,31 @@ from contextlib import suppress
 from pathlib import Path
 
 from tests.kit.states import leader_message
+from tests.kit.terminal import Plug as Terminal
 from vfguide.link.codec import encode
 from vfguide.link.keys import key_places, make_radio_key
 
 
-class Plug:
+class Plug(Terminal):
     """A serial port with a radio that can be pulled out and put back."""
 
     def __init__(self, air: "SharedAir", device: Path) -> None:
-        self.device = device
-        self.near: int | None = None
+        super().__init__(device)
         self._air = air
 
     def put_in(self) -> None:
-        self.near, far = os.openpty()
-        os.set_blocking(self.near, False)
-        self.device.symlink_to(os.ttyname(far))
-        os.close(far)
-        asyncio.get_running_loop().add_reader(self.near, self._read, self.near)
+        super().put_in()
+        self._listen_again(self.near)
 
     def pull_out(self) -> None:
-        if self.near is not None:
-            asyncio.get_running_loop().remove_reader(self.near)
-            os.close(self.near)
-            self.near = None
-            self.device.unlink()
+        if self._near is not None:
+            asyncio.get_running_loop().remove_reader(self._near)
+        super().pull_out()
 
     def hear(self, data: bytes) -> None:
         with suppress(OSError):
-            if self.near is not None:
-                os.write(self.near, data)
+            if self._near is not None:
+                os.write(self._near, data)
 
     def _read(self, near: int) -> None:
         try:
@@ -48,7 +43,7 @@ class Plug:
         self._air.send(self, data)
 
     def _listen_again(self, near: int) -> None:
-        if self.near == near:
+        if self._near == near:
             asyncio.get_running_loop().add_reader(near, self._read, near)
 
 

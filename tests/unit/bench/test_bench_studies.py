@@ -1,54 +1,34 @@
 """The arithmetic of studies, and that a study is the same wherever it is flown."""
 
 import math
-from pathlib import Path
 
 import pytest
 
+from tests.kit.figures import figures_with
+from tests.kit.missions import shipped
 from vfguide.lab.studies.comparison import seeded, summed_up
 from vfguide.lab.studies.flown import (
     MISSIONS,
     Case,
-    Figures,
     article_mission,
     dask_executor,
     flown_by,
     fly,
 )
 from vfguide.lab.studies.scale import crowd, growth_exponent
-from vfguide.mission import load_mission
-
-SHIPPED = Path(__file__).parents[3] / "missions"
 
 
 @pytest.mark.parametrize("name", MISSIONS)
 def test_the_benchmark_flies_the_shipped_missions(name):
-    shipped = load_mission(SHIPPED / f"{name}.yaml").model_dump()
-    flown = article_mission(name).model_dump()
     # What a good flight is, is not flown.
-    del shipped["acceptance"], flown["acceptance"]
-    assert flown == shipped
-
-
-def figures(mean_error_m: float, settle_1m_s: float | None = 10.0) -> Figures:
-    return Figures(
-        mean_error_m=mean_error_m,
-        intended_error_m=mean_error_m,
-        p95_error_m=1.0,
-        max_error_m=2.0,
-        settle_10m_s=5.0,
-        settle_1m_s=settle_1m_s,
-        min_separation_m=20.0,
-        effort_m_s2=1.0,
-        roll_deg_s=5.0,
-        course_variation_rad_s=0.1,
-        speed_variation_m_s2=0.1,
-        limited=0.0,
-    )
+    dumped = [
+        one.model_dump(exclude={"acceptance"}) for one in (article_mission(name), shipped(name))
+    ]
+    assert dumped[0] == dumped[1]
 
 
 def test_a_mean_comes_with_its_confidence_interval():
-    found = summed_up([figures(1.0), figures(2.0), figures(3.0)])
+    found = summed_up([figures_with(mean_error_m=mean_m) for mean_m in (1.0, 2.0, 3.0)])
     assert found["mean_m"] == pytest.approx(2.0)
     # Standard deviation 1, three values, 97.5 % point 4.30265.
     assert found["mean_m_half"] == pytest.approx(4.30265 / math.sqrt(3.0))
@@ -56,10 +36,10 @@ def test_a_mean_comes_with_its_confidence_interval():
 
 
 def test_one_flight_has_no_interval_and_one_that_never_settled_no_mean():
-    found = summed_up([figures(1.0)])
+    found = summed_up([figures_with()])
     assert found["mean_m"] == 1.0
     assert math.isnan(found["mean_m_half"])
-    unsettled = summed_up([figures(1.0), figures(1.0, settle_1m_s=None)])
+    unsettled = summed_up([figures_with(), figures_with(settle_1m_s=None)])
     assert unsettled["settle_1m_s"] is None
 
 

@@ -1,12 +1,12 @@
 import math
-from dataclasses import replace
 
 import pytest
 
+from tests.kit.figures import figures_with
 from vfguide import suite
 from vfguide.commands.bench import study_directory, study_file
 from vfguide.errors import InputError
-from vfguide.lab.studies.flown import Figures, markdown
+from vfguide.lab.studies.flown import markdown
 from vfguide.lab.studies.suite import (
     SUITE_COLUMNS,
     SuiteFlight,
@@ -18,26 +18,9 @@ from vfguide.lab.studies.suite import (
 from vfguide.mission import parse_mission
 from vfguide.suite.draw import drawn
 
-FIGURES = Figures(
-    mean_error_m=1.0,
-    intended_error_m=1.0,
-    p95_error_m=2.0,
-    max_error_m=3.0,
-    settle_10m_s=30.0,
-    settle_1m_s=40.0,
-    min_separation_m=12.0,
-    effort_m_s2=2.0,
-    roll_deg_s=10.0,
-    course_variation_rad_s=0.1,
-    speed_variation_m_s2=0.1,
-    limited=0.0,
-)
-"""Half worth in all parts: 55 points."""
-
 
 def flight(scenario: str = "suite-001", law: str = "slot", failed: str = "", **changes):
-    figures = replace(FIGURES, **changes)
-    return SuiteFlight(scenario=scenario, law=law, failed=failed, figures=figures)
+    return SuiteFlight(scenario=scenario, law=law, failed=failed, figures=figures_with(**changes))
 
 
 @pytest.mark.parametrize(

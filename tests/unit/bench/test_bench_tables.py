@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from tests.kit.figures import figures_with
 from vfguide.lab.report.metrics import plain_json
 from vfguide.lab.studies.comparison import (
     ABLATIONS,
@@ -26,19 +27,12 @@ LAWS = ("slot", "article", "pid", "mpc")
 
 
 def figures(mean_error_m: float) -> Figures:
-    return Figures(
+    return figures_with(
         mean_error_m=mean_error_m,
-        intended_error_m=mean_error_m,
         p95_error_m=2.0 * mean_error_m,
         max_error_m=3.0 * mean_error_m,
         settle_10m_s=12.0,
         settle_1m_s=None,
-        min_separation_m=20.0,
-        effort_m_s2=1.0,
-        roll_deg_s=5.0,
-        course_variation_rad_s=0.1,
-        speed_variation_m_s2=0.1,
-        limited=0.01,
     )
 
 
