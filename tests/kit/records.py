@@ -143,18 +143,6 @@ def moving_vehicle(
     )
 
 
-def leader_on_line(
-    time_s: FloatArray, wind: tuple[FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(north, east, cross-track error) of a leader that joins a line on course 45° from its right."""
-    along_wind = (wind[0] + wind[1]) / math.sqrt(2.0)
-    across_wind = (wind[1] - wind[0]) / math.sqrt(2.0)
-    speed = along_wind + np.sqrt(400.0 - across_wind**2)
-    along = np.concatenate([[0.0], np.cumsum(speed[:-1] * np.diff(time_s))])
-    cross = 30.0 * np.exp(-time_s / 5.0) + smooth_noise(time_s, 0.02, 0.3)
-    return (along - cross) / math.sqrt(2.0), (along + cross) / math.sqrt(2.0), cross
-
-
 def leader_on_circle(
     time_s: FloatArray, wind: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -180,15 +168,12 @@ def cut_out(vehicle: VehicleRecord, kept: BoolArray) -> VehicleRecord:
     return replace(vehicle, **arrays)
 
 
-def made_up_flight(
-    shape: Literal["line", "circle"], *, duration_s: float = 300.0, rate_hz: float = 20.0
-) -> FlightRecord:
-    """A leader joins its path in the article's wind; three followers close in on their slots."""
+def circle_flight(duration_s: float = 300.0, rate_hz: float = 20.0) -> FlightRecord:
+    """A leader joins its circle in the article's wind; three followers close in on their slots."""
     # Slopes are off at both ends: the flight is cut out of a longer one.
     time_s = np.arange(-20, (duration_s + 1.0) * rate_hz + 0.5) / rate_hz
     wind = article_wind(time_s)
-    fly = leader_on_line if shape == "line" else leader_on_circle
-    north, east, cross = fly(time_s, wind)
+    north, east, cross = leader_on_circle(time_s, wind)
     leader = moving_vehicle(
         "leader", "leader", time_s, (north, east), wind, path_cross_track_error_m=cross
     )
@@ -214,16 +199,15 @@ def made_up_flight(
             )
         )
     angle = np.linspace(0.0, 2.0 * math.pi, 181)
-    reach = np.array([0.0, 1.03 * float(np.hypot(north[-1], east[-1])) / math.sqrt(2.0)])
     kept = (time_s >= 0.0) & (time_s <= duration_s)
     return still_flight(
         time_s[kept],
         *(cut_out(vehicle, kept) for vehicle in vehicles),
-        mission=f"{shape}-wind",
+        mission="circle-wind",
         wind="article",
         rate_hz=rate_hz,
         wall_s=duration_s / 73.0,
-        path_north_m=reach if shape == "line" else 150.0 + 150.0 * np.cos(angle),
-        path_east_m=reach if shape == "line" else 150.0 * np.sin(angle),
+        path_north_m=150.0 + 150.0 * np.cos(angle),
+        path_east_m=150.0 * np.sin(angle),
         acceptance=RecordAcceptance(mean_error_m=0.3, settle_10m_s=60.0, min_separation_m=5.0),
     )

@@ -53,10 +53,12 @@ def test_a_wind_that_passes_north_is_not_drawn_across_the_plot():
     assert np.isnan(drawn).tolist() == [False, True, False, False]
 
 
-def test_a_formation_is_magnified_on_a_long_line_and_not_on_a_small_circle(
-    line_flight, circle_flight
-):
-    assert choose_magnification(line_flight, choose_view(line_flight)) > 5.0
+def test_a_formation_is_magnified_on_a_long_line_and_not_on_a_small_circle(circle_flight):
+    time_s = np.arange(301.0)
+    vehicles = [still_leader(time_s, north_m=20.0 * time_s)]
+    vehicles.append(still_follower(time_s, north_m=20.0 * time_s - 20.0, slot_forward_m=-20.0))
+    line = still_flight(time_s, *vehicles, path_north_m=np.array([0.0, 6000.0]))
+    assert choose_magnification(line, choose_view(line)) > 5.0
     assert choose_magnification(circle_flight, choose_view(circle_flight)) == 1.0
 
 
