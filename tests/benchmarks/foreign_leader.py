@@ -12,27 +12,15 @@ VARYING = {f"{HEARD}.delay_s": 0.275, f"{HEARD}.jitter_s": 0.225, "leader.least_
 
 ROWS: tuple[tuple[str, float, str, Mapping[str, object]], ...] = (
     ("GLOBAL_POSITION_INT", 10.0, "", {}),
-    ("GLOBAL_POSITION_INT", 5.0, "", {}),
-    ("GLOBAL_POSITION_INT", 4.0, "", {}),
     ("GLOBAL_POSITION_INT", 1.0, "", {}),
-    ("GLOBAL_POSITION_INT_COV", 5.0, "", {}),
     ("FOLLOW_TARGET", 10.0, "", {}),
     ("HIGH_LATENCY2", 1.0, "", {}),
     ("GLOBAL_POSITION_INT", 10.0, "varying", VARYING),
-    ("GLOBAL_POSITION_INT", 5.0, "varying", VARYING),
     ("GLOBAL_POSITION_INT", 1.0, "varying", VARYING),
-    ("FOLLOW_TARGET", 10.0, "varying", VARYING),
     ("HIGH_LATENCY2", 1.0, "varying", VARYING),
     ("GLOBAL_POSITION_INT", 4.0, "found by TIMESYNC", {"leader.least_delay_s": None}),
-    (
-        "GLOBAL_POSITION_INT",
-        4.0,
-        "varying, found by TIMESYNC",
-        {**VARYING, "leader.least_delay_s": None},
-    ),
     ("GLOBAL_POSITION_INT", 4.0, "30 % lost", {f"{HEARD}.loss": 0.3}),
     ("GLOBAL_POSITION_INT", 4.0, "SBAS receivers", {"rehearsal.sensors": "sbas"}),
-    ("GLOBAL_POSITION_INT", 1.0, "SBAS receivers", {"rehearsal.sensors": "sbas"}),
     ("GLOBAL_POSITION_INT", 4.0, "declared as none", {"leader.least_delay_s": 0.0}),
 )
 

@@ -23,7 +23,7 @@ from tests.kit.figures import resident_mb, tell
 from tests.kit.link import LEADER as LEADER_NAME
 from tests.kit.link import Station, Wire, trust_of
 from tests.kit.missions import shipped
-from tests.kit.wire import packed, position_report
+from tests.kit.wire import frame_of, packed, position_report
 from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.link.codec import Kind
@@ -81,14 +81,8 @@ class Frames:
         message = mavlink.mavlink_map[self._random.choice(wanted)]
         payload = bytearray(self._content(message.unpacker.size))
         self._address(message, payload)
-        header = struct.pack(
-            "<BBBBBBBHB",
-            *(0xFD, len(payload), 0, 0, self._random.randrange(256), *self._sender),
-            *(message.id & 0xFFFF, message.id >> 16),
-        )
-        checksum = mavlink.x25crc(header[1:] + payload)
-        checksum.accumulate(bytes([message.crc_extra]))
-        return header + payload + struct.pack("<H", checksum.crc)
+        system_id, component_id = self._sender
+        return frame_of(message.id, bytes(payload), system_id=system_id, component_id=component_id)
 
     def _content(self, size: int) -> bytes:
         """Noise, or numbers that floats and integers find extreme."""

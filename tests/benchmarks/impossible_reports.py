@@ -1,8 +1,5 @@
 """What an autopilot's impossible reports cost: metres off the slot, flown in virtual time.
 
-A row for each witness (place, velocity, airspeed, altitude, alone and in pairs) and each kind of fault:
-stands still, steps, drifts, is noisy, comes late, is missing.
-
 The article's circle in its wind, everybody in place; at 30 s one vehicle's reports go wrong. Told are the
 greatest distance of f1 from where it flies without the fault, and the least distance between any two.
 """
@@ -53,45 +50,23 @@ def stuck(witness: str, length_s: float) -> tuple[Fault, ...]:
 
 
 FAULTS: dict[str, tuple[Fault | Late, ...]] = {
-    **{
-        f"{witness} stuck for {f'{length_s:g} s' if length_s < inf else 'ever'}": stuck(
-            witness, length_s
-        )
-        for witness in STUCK
-        for length_s in (2.0, 2.5, 3.0, 5.0, inf)
-    },
-    "place 40 m off for ever": (Fault("offset", AT_S, inf, 40.0),),
-    "place 50 m off for 3 s": (Fault("offset", AT_S, 3.0, 50.0),),
+    "place stuck for 5 s": stuck("place", 5.0),
+    "velocity stuck for 5 s": stuck("velocity", 5.0),
+    "place and velocity stuck for 5 s": stuck("place and velocity", 5.0),
+    "place and velocity stuck for ever": stuck("place and velocity", inf),
     "place 5 km off for 3 s": (Fault("offset", AT_S, 3.0, 5000.0),),
-    "place 5 km off for ever": (Fault("offset", AT_S, inf, 5000.0),),
-    "latitude and longitude 0 for 3 s": (Fault("zero", AT_S, 3.0),),
-    **{
-        f"place drifts by {rate:g} m/s for 20 s": (Fault("drift", AT_S, 20.0, rate),)
-        for rate in (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
-    },
-    "place noisy by 3 m for 20 s": (Fault("noise", AT_S, 20.0, 3.0),),
-    "velocity 327 m/s for 3 s": (Fault("velocity", AT_S, 3.0, 327.0),),
-    "velocity 20 m/s east for 5 s": (Fault("velocity", AT_S, 5.0, 0.0, 20.0),),
-    "airspeed 500 m/s for 10 s": (Fault("airspeed", AT_S, 10.0, 500.0),),
-    "airspeed 0 for 10 s": (Fault("airspeed", AT_S, 10.0, 0.0),),
+    "place 40 m off for ever": (Fault("offset", AT_S, inf, 40.0),),
+    "place drifts by 0.5 m/s for 20 s": (Fault("drift", AT_S, 20.0, 0.5),),
+    "place drifts by 5 m/s for 20 s": (Fault("drift", AT_S, 20.0, 5.0),),
     "place and velocity stuck, airspeed 0 for 5 s": (
         *stuck("place and velocity", 5.0),
         Fault("airspeed", AT_S, 5.0, 0.0),
     ),
-    **{
-        f"positions {late_s:g} s late for 10 s": (Late(AT_S, 10.0, late_s),)
-        for late_s in (0.2, 1.0, 3.0)
-    },
-    **{
-        f"positions missing for {length_s:g} s": (Late(AT_S, length_s, inf),)
-        for length_s in (1.0, 3.0, 5.0)
-    },
-    "altitude 47 m off for ever": (Fault("altitude", AT_S, inf, 47.0),),
-    "altitude 47 m off from the start": (Fault("altitude", 0.0, inf, 47.0),),
+    "positions 3 s late for 10 s": (Late(AT_S, 10.0, 3.0),),
+    "positions missing for 5 s": (Late(AT_S, 5.0, inf),),
     "altitude 0 from the start": (Fault("altitude", 0.0, inf, -588.0),),
-    "clock loses 1.6 s in 30 s": (Fault("clock", AT_S, 30.0, 1.6),),
-    "clock loses 0.5 s at once": (Fault("clock", AT_S, 0.05, 0.5),),
 }
+"""What goes wrong, as the table has it."""
 
 
 class Flown(Flight):

@@ -1,30 +1,19 @@
-"""Make the pictures of the pages of orders, of keeping clear and of the console anew.
+"""Make the pictures of the pages of orders and of keeping clear anew.
 
 python -m tests.benchmarks.pictures docs/images
-
-The console's takes a minute of live flight by UDP, and Chromium.
 """
 
-import asyncio
 import cmath
-import shutil
-import socket
 import sys
-from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 from matplotlib.patches import Circle
-from PIL import Image
-from playwright.async_api import expect
 
-from tests.kit.browser import device, launched
 from tests.kit.flight import fly
 from tests.kit.missions import content_of, shipped
-from vfguide.commands.console import live_console
 from vfguide.companion import avoidance
 from vfguide.guidance.separation import (
     TIMES,
@@ -41,17 +30,12 @@ from vfguide.guidance.separation import (
     manoeuvres_between,
     own_tracks,
 )
-from vfguide.lab.console.server import ConsoleAddress
-from vfguide.lab.rehearsal.live import live_flight
-from vfguide.lab.rehearsal.processes import free_port
 from vfguide.lab.report.colours import colours_of
-from vfguide.lab.report.style import dress, new_figure, save_figure, with_palette
+from vfguide.lab.report.style import dress, new_figure, save_figure
 from vfguide.lab.report.tracks_plot import draw_aircraft
 from vfguide.mission import Mission
 from vfguide.mission.order_plan import timetable
 from vfguide.suite import with_law
-
-OPERATOR = "o" * 24
 
 
 def shapes(path: Path) -> None:
@@ -124,32 +108,7 @@ def keeping_clear(path: Path) -> None:
     save_figure(figure, path)
 
 
-async def console(path: Path) -> None:
-    """Fly a formation, have an order rehearsed on the console's page, and take the page's picture."""
-    mission = shipped("circle-wind")
-    link = f"udp://239.255.77.1:{free_port(socket.SOCK_DGRAM)}?interface=127.0.0.1"
-    program = shutil.which("chromium") or "google-chrome"
-    with TemporaryDirectory() as directory:
-        async with (
-            live_flight(mission, directory=Path(directory), links=[link]) as flight,
-            live_console(
-                mission, flight.watched, address=ConsoleAddress(port=0), operator_token=OPERATOR
-            ) as url,
-            launched(program) as browser,
-        ):
-            page = await (await browser.new_context(**device())).new_page()
-            await page.goto(f"{url.partition('?')[0]}?token={OPERATOR}")
-            await page.get_by_label("Order", exact=True).select_option("vee")
-            await page.get_by_label("Spacing in metres").fill("30")
-            await asyncio.sleep(60.0)
-            await page.get_by_role("button", name="Rehearse").click()
-            await expect(page.locator("#outcome")).to_contain_text("nearest", timeout=60_000)
-            picture = Image.open(BytesIO(await page.screenshot())).convert("RGB")
-            with_palette(picture).save(path, optimize=True)
-
-
 if __name__ == "__main__":
     place = Path(sys.argv[1])
     shapes(place / "shapes.png")
     keeping_clear(place / "keeping-clear.png")
-    asyncio.run(console(place / "console.png"))

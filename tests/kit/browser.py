@@ -1,9 +1,12 @@
 """Chromium without a window."""
 
+import os
+import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
 
+import pytest
 from playwright.async_api import Browser, async_playwright
 
 DESKTOP = {"width": 1280, "height": 900}
@@ -18,6 +21,16 @@ def device(*, phone: bool = False, dark: bool = False) -> dict[str, Any]:
         "is_mobile": phone,
         "color_scheme": "dark" if dark else "light",
     }
+
+
+def chromium() -> str:
+    """The program; without it tests are skipped, or fail where CI runs."""
+    named = os.environ.get("CHROMIUM")
+    program = named or shutil.which("chromium") or shutil.which("google-chrome")
+    if program is None:
+        end = pytest.fail if os.environ.get("CI") else pytest.skip
+        end("no Chromium: install it (apt install chromium), or name it in the variable CHROMIUM")
+    return program
 
 
 @asynccontextmanager

@@ -47,11 +47,16 @@ def framed(
 
 
 def frame_of(
-    number: int, payload: bytes, crc_extra: int | None = None, *, system_id: int = 7
+    number: int,
+    payload: bytes,
+    crc_extra: int | None = None,
+    *,
+    system_id: int = 7,
+    component_id: int = 1,
 ) -> bytes:
     """Make a frame of MAVLink 2 around any payload, with the checksum of its message."""
     extra = mavlink.mavlink_map[number].crc_extra if crc_extra is None else crc_extra
-    header = bytes([len(payload), 0, 0, 0, system_id, 1]) + number.to_bytes(3, "little")
+    header = bytes([len(payload), 0, 0, 0, system_id, component_id]) + number.to_bytes(3, "little")
     checksum = mavlink.x25crc(header + payload + bytes([extra])).crc
     return b"\xfd" + header + payload + checksum.to_bytes(2, "little")
 

@@ -1,7 +1,5 @@
 """The console in a real browser: Chromium without a window."""
 
-import os
-import shutil
 import subprocess
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
@@ -10,27 +8,12 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Page, expect
 
-from tests.kit.browser import device, launched
+from tests.kit.browser import chromium, device, launched
 
 PATIENCE_MS = 120_000
 """A busy machine takes long; no verdict depends on it."""
 
 OpenPage = Callable[..., AbstractAsyncContextManager[Page]]
-
-
-def chromium() -> str:
-    """The program; without it tests are skipped, or fail where CI runs."""
-    program = (
-        os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
-    )
-    if program is None:
-        reason = (
-            "no Chromium: install it (apt install chromium), or name it in the variable CHROMIUM"
-        )
-        if os.environ.get("CI"):
-            pytest.fail(reason)
-        pytest.skip(reason)
-    return program
 
 
 expect.set_options(timeout=PATIENCE_MS)

@@ -1,20 +1,16 @@
 """The report in a real browser: Chromium without a window, its clock in the hands of the test."""
 
-import os
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from tests.kit.browser import chromium, device
 from vfguide.lab.report import page as report_page
 from vfguide.lab.report.metrics import summarise
 from vfguide.lab.report.page import render_page
 from vfguide.record.flight import FlightRecord
-
-DESKTOP = {"width": 1280, "height": 900}
-PHONE = {"width": 390, "height": 844}
 
 PATIENCE_MS = 180_000
 """A busy machine may take minutes to paint; no verdict depends on it."""
@@ -25,16 +21,7 @@ OpenPage = Callable[..., Page]
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     """Chromium. One for each file of tests, for its driver keeps an event loop running."""
-    program = (
-        os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
-    )
-    if program is None:
-        reason = (
-            "no Chromium: install it (apt install chromium), or name it in the variable CHROMIUM"
-        )
-        if os.environ.get("CI"):
-            pytest.fail(reason)
-        pytest.skip(reason)
+    program = chromium()
     with sync_playwright() as playwright:
         # A container's /dev/shm is too small for what Chromium keeps there.
         browser = playwright.chromium.launch(
@@ -56,12 +43,7 @@ def open_page(browser: Browser) -> Iterator[OpenPage]:
         path: Path, *, phone: bool = False, dark: bool = False, told: list[str] = errors
     ) -> Page:
         context = browser.new_context(
-            viewport=PHONE if phone else DESKTOP,  # type: ignore[arg-type]
-            has_touch=phone,
-            is_mobile=phone,
-            device_scale_factor=2 if phone else 1,
-            color_scheme="dark" if dark else "light",
-            offline=True,
+            **device(phone=phone, dark=dark), device_scale_factor=2 if phone else 1, offline=True
         )
         context.set_default_timeout(PATIENCE_MS)
         page = context.new_page()
