@@ -1,6 +1,6 @@
 """Random pilots against companions that are killed, hang, go deaf and are lied to: is any mode undone?
 
-    python -m tests.benchmarks.authority [ACTIONS] [--seed N]
+    python -m tests.benchmarks.authority ACTIONS
 
 Real MAVLink bytes, an emulated autopilot, virtual time. A mode that pilot or fail-safe has selected is undone
 where a command of the companion changes it. Guided, selected by the pilot, and the one engaging of a flight,
@@ -9,7 +9,6 @@ late: nobody can know of it. A vehicle that a new companion leaves in its guided
 leader counts as well. Prints what happened how often; exit status 1 if any was undone.
 """
 
-import argparse
 import math
 import sys
 from collections import Counter
@@ -20,7 +19,8 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot
-from tests.kit.companion import emulator, leader_bytes
+from tests.kit.autopilot import REAL32
+from tests.kit.companion import MODES, PX4_NAMES, emulator, leader_bytes
 from tests.kit.figures import tell
 from tests.kit.missions import mission_with, shipped
 from tests.kit.wire import command_long, packed, parsed, position_report, spoken
@@ -33,27 +33,6 @@ MISSION = shipped("line-calm")
 RATE_HZ = 10.0
 STEPS_A_FLIGHT = 40
 """Actions in one flight: then everything is new."""
-
-ARDUPLANE_MODES = {"GUIDED": 15, "LOITER": 12, "RTL": 11, "MANUAL": 0, "FBWA": 5, "FBWB": 6}
-ARDUPLANE_MODES |= {"CRUISE": 7, "AUTO": 10, "CIRCLE": 1}
-PX4_MODES = {
-    "AUTO.COURSE": (4, 19),
-    "AUTO.LOITER": (4, 3),
-    "AUTO.RTL": (4, 5),
-    "AUTO.MISSION": (4, 4),
-    "AUTO.LAND": (4, 6),
-    "MANUAL": (1, 0),
-    "POSCTL": (3, 0),
-    "ALTCTL": (2, 0),
-}
-MODES = {
-    "ardupilot": {name: (number, 0) for name, number in ARDUPLANE_MODES.items()},
-    "px4": PX4_MODES,
-}
-"""What pilots select, by their names in the emulator: main and sub mode."""
-
-GUIDED = {"ardupilot": "GUIDED", "px4": "AUTO.COURSE"}
-ALLOWED = {"ardupilot": {"LOITER"}, "px4": {"AUTO.LOITER"}}
 
 SYSTEM_ID = 2
 
@@ -119,7 +98,8 @@ class Encounter:
 
     @property
     def _mode(self) -> str:
-        return self._autopilot.truth().mode
+        mode = self._autopilot.truth().mode
+        return PX4_NAMES.get(mode, mode)
 
     def _new_companion(self) -> Companion:
         return Companion(
@@ -128,10 +108,13 @@ class Encounter:
 
     def _new_autopilot(self) -> Autopilot:
         autopilot = emulator(self._kind, SYSTEM_ID)
-        for name, value in (("FS_GCS_ENABL", 1.0), ("FS_LONG_ACTN", 1.0), ("MAV_GCS_SYSID", 2.0)):
+        for name, value in (
+            (b"FS_GCS_ENABL", 1.0),
+            (b"FS_LONG_ACTN", 1.0),
+            (b"MAV_GCS_SYSID", 2.0),
+        ):
             if self._kind == "ardupilot":
-                kind = mavlink.MAV_PARAM_TYPE_REAL32
-                message = mavlink.MAVLink_param_set_message(2, 1, name.encode(), value, kind)
+                message = mavlink.MAVLink_param_set_message(2, 1, name, value, REAL32)
                 autopilot.receive(packed(message))
         return autopilot
 
@@ -191,13 +174,12 @@ class Encounter:
         after = self._mode
         if after == before:
             return
-        guided = GUIDED[self._kind]
-        if before == guided:
+        if before == "GUIDED":
             self.counts["handed back"] += 1
             self._pilots_mode = False
             return
         # The one engaging of a flight, out of the mode that it began in and nobody has changed.
-        first = after == guided and not self._engaged_once and before in ALLOWED[self._kind]
+        first = after == "GUIDED" and not self._engaged_once and before == "LOITER"
         if first and not self._pilots_mode and self._engage:
             self.counts["engaged by itself"] += 1
             self._engaged_once = True
@@ -218,16 +200,15 @@ class Encounter:
         self._send(self._commanded(mavlink.MAV_CMD_DO_SET_MODE, 1, main, sub))
         if self._mode != before:
             self._selected = self._now
-            self._pilots_mode = self._mode != GUIDED[self._kind]
+            self._pilots_mode = self._mode != "GUIDED"
             self._engaged_once = True
 
     def _select(self) -> None:
         modes = MODES[self._kind]
-        others = [name for name in modes if name != GUIDED[self._kind]]
-        self._pilot(*modes[self._random.choice(others)])
+        self._pilot(*modes[self._random.choice([name for name in modes if name != "GUIDED"])])
 
     def _select_guided(self) -> None:
-        self._pilot(*MODES[self._kind][GUIDED[self._kind]])
+        self._pilot(*MODES[self._kind]["GUIDED"])
 
     def _restart(self) -> None:
         self._companion, self._waiting, self._under_way = self._new_companion(), b"", []
@@ -253,7 +234,7 @@ class Encounter:
         self._fly(self._random.choice([0.5, 2.0, 3.5]))
         self._restart()
         self._fly(LEFT_S)
-        if checked and self._mode == GUIDED[self._kind]:
+        if checked and self._mode == "GUIDED":
             self.undone.append(f"left in {self._mode} after {self._history[-6:]}")
 
     def _go_deaf(self) -> None:
@@ -295,7 +276,7 @@ class Encounter:
         self._forged, self._forged_until = forged, self._now + self._random.choice([0.2, 2.0, 6.0])
 
     def _forge_guided(self) -> None:
-        main, sub = MODES[self._kind][GUIDED[self._kind]]
+        main, sub = MODES[self._kind]["GUIDED"]
         firmware, mode = (3, main) if self._kind == "ardupilot" else (12, sub << 24 | main << 16)
         message = mavlink.MAVLink_heartbeat_message(1, firmware, 129, mode, 4, 3)
         self._forge(lambda: spoken(message))
@@ -328,14 +309,9 @@ def coming_up(
     """A message as an autopilot sends it that is not ready yet: its place in 1e-7 degrees and mm, if any."""
     match message.get_type():
         case "HEARTBEAT":
-            return mavlink.MAVLink_heartbeat_message(
-                message.type,
-                message.autopilot,
-                message.base_mode & ~mavlink.MAV_MODE_FLAG_SAFETY_ARMED,
-                message.custom_mode,
-                mavlink.MAV_STATE_BOOT,
-                3,
-            )
+            base = message.base_mode & ~mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+            said = message.type, message.autopilot, base, message.custom_mode
+            return mavlink.MAVLink_heartbeat_message(*said, mavlink.MAV_STATE_BOOT, 3)
         case "EXTENDED_SYS_STATE":
             return mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_ON_GROUND)
         case "GLOBAL_POSITION_INT":
@@ -370,18 +346,12 @@ def meet(actions: int, seed: int) -> tuple[Counter[str], list[str]]:
 
 
 def main() -> int:
-    """Run the benchmark."""
-    parser = argparse.ArgumentParser(description="Is any pilot's mode undone?")
-    parser.add_argument("actions", nargs="?", type=int, default=10_000)
-    parser.add_argument("--seed", type=int, default=1)
-    chosen = parser.parse_args()
-    counts, undone = meet(chosen.actions, chosen.seed)
+    """Let so many things happen; the exit status is 1 if a mode was undone."""
+    counts, undone = meet(int(sys.argv[1]), seed=1)
     for name, count in sorted(counts.items()):
         tell(f"{count:7d}  {name}")
-    for one in undone:
-        tell(f"UNDONE {one}")
-    tell(f"{len(undone)} undone")
-    return 1 if undone else 0
+    tell("\n".join([*(f"UNDONE {one}" for one in undone), f"{len(undone)} undone"]))
+    return int(bool(undone))
 
 
 if __name__ == "__main__":

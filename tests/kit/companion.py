@@ -32,24 +32,11 @@ SET_MODE, HEADING, SPEED, ALTITUDE, MESSAGE_INTERVAL = 176, 43_002, 43_000, 43_0
 """Commands."""
 
 KINDS = ["ardupilot", "px4"]
-MODES = {
-    "ardupilot": {
-        "GUIDED": (15, 0),
-        "LOITER": (12, 0),
-        "RTL": (11, 0),
-        "AUTO": (10, 0),
-        "FBWA": (5, 0),
-        "MANUAL": (0, 0),
-    },
-    "px4": {
-        "GUIDED": (4, 19),
-        "LOITER": (4, 3),
-        "RTL": (4, 5),
-        "OFFBOARD": (6, 0),
-        "ALTCTL": (2, 0),
-        "MANUAL": (1, 0),
-    },
-}
+ARDUPLANE_MODES = {"GUIDED": 15, "LOITER": 12, "RTL": 11, "AUTO": 10, "FBWA": 5, "MANUAL": 0}
+ARDUPLANE_MODES |= {"FBWB": 6, "CRUISE": 7, "CIRCLE": 1}
+PX4_MODES = {"GUIDED": (4, 19), "LOITER": (4, 3), "RTL": (4, 5), "OFFBOARD": (6, 0)}
+PX4_MODES |= {"ALTCTL": (2, 0), "MANUAL": (1, 0), "AUTO": (4, 4), "LAND": (4, 6), "POSCTL": (3, 0)}
+MODES = {"ardupilot": {name: (one, 0) for name, one in ARDUPLANE_MODES.items()}, "px4": PX4_MODES}
 """What a pilot selects of each kind: main mode and sub mode."""
 
 PX4_NAMES = {"AUTO.COURSE": "GUIDED", "AUTO.LOITER": "LOITER", "AUTO.RTL": "RTL"}
