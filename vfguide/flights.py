@@ -196,7 +196,7 @@ def order(
         InputError: an address, a key or the order is wrong, or the order cannot be carried out.
         VfguideError: no link works, or the formation is not heard.
     """
-    files = KeyFiles(mission=Path(keys or "mission.yaml"), insecure=keys is None)
+    files = KeyFiles(mission=Path("mission.yaml" if keys is None else keys), insecure=keys is None)
     credentials = files.of_operator()
     watched = watched_formation(mission, links, credentials)
     wanted = order_of(what.split(), spacing)

@@ -74,7 +74,15 @@ class KeyPlaces:
 
 
 def key_places(mission: Path) -> KeyPlaces:
-    """Return the paths of a mission file's keys."""
+    """Return the paths of a mission file's keys.
+
+    Raises:
+        InputError: the path names no file.
+    """
+    if not mission.name:
+        raise InputError(
+            f"keys: {str(mission)!r} is no file; name the mission file they stand beside"
+        )
     return KeyPlaces(roster=mission.with_suffix(".roster"), directory=mission.with_suffix(".keys"))
 
 

@@ -14,6 +14,8 @@ from tests.integration.command_line.conftest import PAIR
 from tests.kit.programs import running, vfguide
 from tests.kit.sockets import free_port
 from vfguide.errors import InputError
+from vfguide.flights import load_mission
+from vfguide.flights import order as vfguide_order
 from vfguide.link.keys import (
     key_places,
     public_bytes,
@@ -48,6 +50,13 @@ def refusal(command: Make, mission: Path, *options: object) -> list[str]:
     outcome = command("companion", "wing", "--mission", mission, *options)
     assert outcome.status == 2
     return outcome.lines
+
+
+@pytest.mark.parametrize("keys", ["", ".", "/"])
+def test_an_order_of_a_program_takes_its_keys_from_beside_a_file(mission, monkeypatch, keys):
+    monkeypatch.chdir(mission.parent)
+    with pytest.raises(InputError, match="is no file; name the mission file"):
+        vfguide_order(load_mission(mission), "vee", links=["mqtt://127.0.0.1:1"], keys=keys)
 
 
 def test_keys_are_made_for_everybody_and_nobody_else_may_read_them(command, mission):

@@ -1,4 +1,5 @@
 import json
+import sys
 from collections.abc import Callable
 
 import pytest
@@ -9,7 +10,8 @@ from msgspec.structs import asdict
 import sitl_stub
 from tests.kit.missions import shipped
 from vfguide.errors import InputError, VfguideError
-from vfguide.lab.rehearsal.live import await_start, give_start
+from vfguide.lab.rehearsal.live import LiveFlight, await_start, give_start
+from vfguide.lab.rehearsal.processes import Process
 from vfguide.lab.rehearsal.recorder import TruthCollector, decode_truth
 
 MISSION = shipped("circle-wind")
@@ -74,6 +76,22 @@ def test_a_record_holds_the_samples_that_are_known_of_everybody():
 def test_a_flight_of_which_nothing_was_seen_has_no_record():
     with pytest.raises(VfguideError, match="nothing was seen"):
         TruthCollector(MISSION).record(wall_s=1.0)
+
+
+async def test_a_companion_that_crashes_ends_the_flight_and_one_that_was_killed_does_not(tmp_path):
+    flight = LiveFlight(MISSION, directory=tmp_path, links=[], speedup=1.0)
+    for ends, found in (("os.abort()", "f1 has ended with status -6"), ("pass", "no emulator")):
+        one = Process("f1", [sys.executable, "-c", f"import os; {ends}"], tmp_path / "log")
+        flight.companions["f1"] = one
+        await one.start()
+        await one.wait()
+        with pytest.raises(VfguideError, match=found):
+            flight.check()
+    one = Process("f1", [sys.executable, "-c", "import time; time.sleep(60)"], tmp_path / "log")
+    await one.start()
+    await one.kill()
+    assert (one.running, one.exit_code) == (False, None)
+    await flight.stop()
 
 
 class Time:

@@ -260,16 +260,13 @@ class LiveFlight:
         """Check that all processes run and that the flight is seen.
 
         Raises:
-            VfguideError: an emulator has ended, a companion has ended with an error, or no true state has
-                arrived for too long.
+            VfguideError: an emulator has ended, a companion has ended with an error or by a signal, or no
+                true state has arrived for too long.
         """
-        for process in self.emulators.values():
-            if not process.running:
-                raise VfguideError(f"{process.name} has ended: {process.last_words()}")
-        for process in self.companions.values():
-            # A negative code means a signal: the rehearsal itself has killed this companion.
-            if (process.exit_code or 0) > 0:
-                raise VfguideError(f"{process.name} has ended: {process.last_words()}")
+        gone = [one for one in self.emulators.values() if not one.running]
+        for process in (*gone, *(one for one in self.companions.values() if one.exit_code)):
+            how = f"with status {process.exit_code}: {process.last_words()}"
+            raise VfguideError(f"{process.name} has ended {how}")
         late = self.time_s / self._speedup > START_PATIENCE_S
         if late and self.truth_collector.time_s < 0.0:
             raise VfguideError("no emulator has flown")

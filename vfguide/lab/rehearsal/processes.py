@@ -110,7 +110,7 @@ class Process:
 
     @property
     def exit_code(self) -> int | None:
-        """Exit code; None while the process runs."""
+        """Exit code; None while the process runs, and after `kill`."""
         return None if self._process is None else self._process.returncode
 
     async def start(self) -> None:
@@ -132,10 +132,11 @@ class Process:
         return None if self._process is None else await self._process.wait()
 
     async def kill(self) -> None:
-        """Kill the process as `kill -9` does."""
+        """Kill the process as `kill -9` does, and forget it."""
         if self._process is not None and self.running:
             self._process.kill()
             await self._process.wait()
+            self._process = None
 
     def signal(self, number: signal.Signals) -> None:
         """Send a signal to the process."""
