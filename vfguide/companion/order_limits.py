@@ -235,7 +235,7 @@ def circle_objection(
     """
     least = airframe.cruise**2 / (GRAVITY * math.tan(airframe.max_bank))
     if circle.radius < least:
-        return f"a circle of {circle.radius:.0f} m is too small: at least {least:.0f} m are needed"
+        return f"a circle of {circle.radius:.0f} m is too small: at least {math.ceil(least)} m are needed"
     ways = [
         abs(math.hypot(circle.north - north, circle.east - east) - circle.radius)
         for north, east in vehicles

@@ -40,7 +40,7 @@ from vfguide.guidance.sliding_laws import sliding_acceleration, sliding_course_r
 from vfguide.laws.base import DesiredMotion, Law, View, law
 from vfguide.mission import quantity
 from vfguide.mission.feasibility import effective_layer
-from vfguide.mission.finding import Finding
+from vfguide.mission.finding import Finding, no_more_than
 from vfguide.mission.flight_limits import Conditions
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import Duration, Gain, Section, Switch
@@ -377,10 +377,8 @@ def fields_beyond_the_loop(
             f"near its slot the field pulls at {pulls} 1/s, "
             f"faster than the {follows} 1/s at which the law follows: the formation swings"
         )
-        most = math.floor(1000.0 * gain * followed / pull) / 1000.0
-        yield Finding(
-            "warning", ("controller", name), message, f"lower {name} to {most:g} 1/m or less"
-        )
+        remedy = f"lower {name} to {no_more_than(gain * followed / pull)} 1/m or less"
+        yield Finding("warning", ("controller", name), message, remedy)
 
 
 def integral_too_fast(

@@ -30,7 +30,7 @@ from vfguide.guidance.separation import (
 from vfguide.guidance.sliding_laws import LEAST_PERIOD, boundary_layer
 from vfguide.mission.consistency import LEADER
 from vfguide.mission.controller import Controller
-from vfguide.mission.finding import Finding, MissionSource, worst_first
+from vfguide.mission.finding import Finding, MissionSource, no_more_than, worst_first
 from vfguide.mission.flight_limits import (
     Conditions,
     beyond_the_fence,
@@ -406,7 +406,7 @@ def hand_back_at_the_end(mission: Mission) -> Iterator[Finding]:
             "warning",
             ("rehearsal", "duration_s"),
             f"the route hands all vehicles back after about {end_s:.0f} s: figures count what they fly then",
-            f"shorten rehearsal.duration_s to {math.floor(end_s)}",
+            f"shorten rehearsal.duration_s to {no_more_than(end_s)}",
         )
 
 

@@ -1,5 +1,6 @@
 """Locations in mission files, faults of a file, and findings about its content."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -98,6 +99,12 @@ def refuse(misfits: Iterable[Misfit], value: object, *outer: str) -> None:
     ]
     if found:
         raise ValidationError.from_exception_data("mission", found)
+
+
+def no_more_than(value: float) -> str:
+    """Format a positive number with three significant digits, rounded down: a limit that a remedy names."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return f"{math.floor(value / step) * step:.6g}"
 
 
 def printable(text: str) -> str:

@@ -29,7 +29,7 @@ from vfguide.guidance.airframe import (
 )
 from vfguide.guidance.formation import Slot, slot_velocity
 from vfguide.guidance.height import ClimbLimits
-from vfguide.mission.finding import Finding, Location
+from vfguide.mission.finding import Finding, Location, no_more_than
 from vfguide.mission.flight_path import PathShape, path_of
 from vfguide.mission.model import Follower, Mission
 from vfguide.mission.place import Fence, frame_of
@@ -204,9 +204,7 @@ def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
     )
     room = allowed - speed * curvature
     if room > 0.0:
-        remedy = (
-            f"lower gain to {math.floor(1000.0 * path.gain * room / field) / 1000.0:g} 1/m or less"
-        )
+        remedy = f"lower gain to {no_more_than(path.gain * room / field)} 1/m or less"
     else:
         remedy = "widen the path's turns or fly slower"
     yield Finding("warning", ("path", "gain"), message, remedy)

@@ -355,7 +355,7 @@ def timetable(mission: Mission) -> tuple[tuple[Arrangement, Transition], ...]:
         if late_s > 0.0:
             raise RefusedOrderError(
                 f"orders[{after.number - 1}], at {after.time_s:g} s: the one before takes"
-                f" {before.duration_s:.0f} s, give it {late_s:.0f} s more"
+                f" {before.duration_s:.0f} s, give it {math.ceil(late_s)} s more"
             )
     return tuple(found)
 

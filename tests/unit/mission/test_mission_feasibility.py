@@ -127,9 +127,9 @@ def test_a_field_that_outturns_the_leader_is_a_warning_with_a_gain_that_does_not
     findings = check_mission(mission("line-calm", ("gain: 0.03", "gain: 0.1")))
     (warning,) = [one for one in findings if one.severity == "warning"]
     assert warning.field == "path.gain"
-    # g / 20 m/s = 0.490 rad/s; 0.385 * 20 * k stays below for k <= 0.0637
-    assert warning.remedy == "lower gain to 0.063 1/m or less"
-    assert found("line-calm", ("gain: 0.03", "gain: 0.063")) == []
+    # g / 20 m/s = 0.490 rad/s; 0.385 * 20 * k stays below for k <= 0.06369
+    assert warning.remedy == "lower gain to 0.0636 1/m or less"
+    assert found("line-calm", ("gain: 0.03", "gain: 0.0636")) == []
 
 
 def test_the_default_gains_fit_a_loop_of_twenty_hertz():

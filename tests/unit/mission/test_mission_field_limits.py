@@ -10,6 +10,7 @@ from vfguide.guidance.formation import field_slope
 from vfguide.laws.field import course_field_turn_rate
 from vfguide.mission import Finding, Mission, MissionError, check_mission
 from vfguide.mission.feasibility import effective_layer, mean_leader_age
+from vfguide.mission.finding import no_more_than
 
 GAINS = "type: slot, k_x: 0.25, k_y: 0.25, integral_s: 1.2"
 
@@ -29,7 +30,7 @@ def findings_of(name: str, field: str, *changes: tuple[str, str]) -> list[Findin
         # (pi/4) (2/pi) 5 = 2.5 rad/m at 20 m/s and 8 m/s of wind; 5.7143 = 3/0.525 of it: 5 . 5.7143/70
         ("k_y", "70.0", "0.408"),
         # 8 (2/pi) 5 = 25.46479 1/s; 5 . 5.71429/25.46479 = 1.121997
-        ("k_x", "25.5", "1.121"),
+        ("k_x", "25.5", "1.12"),
     ],
 )
 def test_a_field_that_pulls_faster_than_the_law_follows_is_a_warning_with_a_gain_that_does_not(
@@ -47,11 +48,26 @@ def test_a_field_that_pulls_faster_than_the_law_follows_is_a_warning_with_a_gain
 
 @pytest.mark.parametrize(
     ("name", "gain", "warns"),
-    [("k_y", 0.408, False), ("k_y", 0.409, True), ("k_x", 1.121, False), ("k_x", 1.122, True)],
+    [("k_y", 0.408, False), ("k_y", 0.409, True), ("k_x", 1.12, False), ("k_x", 1.13, True)],
 )
 def test_the_gain_that_the_remedy_names_is_the_greatest_that_will_do(name, gain, warns):
     found = findings_of("circle-wind", f"controller.{name}", (f"{name}: 0.25", f"{name}: {gain}"))
     assert ("warning" in [one.severity for one in found]) is warns
+
+
+def test_a_gain_that_a_remedy_names_is_never_zero():
+    # 9.80665/20 . tan 15.3 degrees - 20/150 = 0.00080646 rad/s; 0.00080646/(0.3849 . 20) = 0.00010476
+    flat = ("max_bank_deg: 45", "max_bank_deg: 15.3")
+    (warning,) = findings_of("circle-calm", "path.gain", flat)
+    assert warning.remedy == "lower gain to 0.000104 1/m or less"
+    assert not findings_of("circle-calm", "path.gain", flat, ("gain: 0.015", "gain: 0.000104"))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.9996, "0.999"), (1234.9, "1230"), (0.25, "0.25"), (3.2e-5, "3.2e-05")]
+)
+def test_a_limit_is_rounded_down_to_three_digits(value, text):
+    assert no_more_than(value) == text
 
 
 def test_a_slow_loop_follows_only_gentle_fields():
@@ -132,8 +148,8 @@ def test_on_a_circle_the_leaders_field_has_the_turn_to_fly_as_well():
     (warning,) = findings_of("circle-calm", "path.gain", ("gain: 0.015", "gain: 0.05"))
     assert warning.severity == "warning"
     assert "turns at up to 0.52 rad/s at 20.0 m/s over ground" in warning.message
-    assert warning.remedy == "lower gain to 0.046 1/m or less"
-    assert findings_of("circle-calm", "path.gain", ("gain: 0.015", "gain: 0.046")) == []
+    assert warning.remedy == "lower gain to 0.0463 1/m or less"
+    assert findings_of("circle-calm", "path.gain", ("gain: 0.015", "gain: 0.0463")) == []
 
 
 @pytest.mark.parametrize(
