@@ -288,9 +288,9 @@ class EmulatedArduPlane(Personality):
 
     def request_mode(self, flight: EmulatedFlight, custom_mode: int) -> Result:
         """Enter a mode; GUIDED forgets its commands on entry, but not when it is requested again."""
-        if custom_mode != flight.mode.custom_mode:
-            self._guided_speed_used = False
-        return super().request_mode(flight, custom_mode)
+        before, result = flight.mode, super().request_mode(flight, custom_mode)
+        self._guided_speed_used &= flight.mode is before
+        return result
 
     def hear(self, flight: EmulatedFlight, heartbeat: MAVLink_message) -> None:
         """Restart the fail-safe's timeout, if it is enabled, at a heartbeat of the ground station."""

@@ -295,12 +295,11 @@ class Autopilot:
 
     def reboot(self) -> None:
         """Restart the autopilot at once; an aircraft in the air flies on."""
-        flight = self._flight
+        flight, modes = self._flight, self._personality
         if flight.on_ground:
             flight.set_armed(armed=False)
-            flight.enter(self._personality.ground_mode)
-        else:
-            flight.enter(self._personality.initial_mode)
+        mode = modes.ground_mode if flight.on_ground else modes.initial_mode
+        modes.request_mode(flight, mode.custom_mode)
         self._boot_us = flight.time_us
         self._streams.restart(flight.time_us)
 

@@ -340,19 +340,15 @@ class EmulatedFlight:
         """Change the mode and forget all commands; the present mode again changes nothing."""
         if mode is not self.mode:
             self.mode = mode
-            if self.phase == "rolling":
-                self.phase = "standing"
-                self.state = replace(self.state, speed_m_s=0.0)
-            elif self.phase == "climbing":
+            if not self.on_ground:
                 self.phase = "flying"
-            if self.phase == "flying":
                 self._enter_in_flight(mode)
-            self.take_off_if_asked()
+            self._roll_or_stand()
 
     def set_armed(self, *, armed: bool) -> None:
-        """Arm or disarm; an armed aircraft on the ground in a take-off mode starts to roll."""
+        """Arm or disarm; an armed aircraft on the ground in a take-off mode rolls, all others stand."""
         self.armed = armed
-        self.take_off_if_asked()
+        self._roll_or_stand()
 
     def set_airspeed_range(self, slowest_m_s: float, fastest_m_s: float) -> None:
         """Change the range of shown airspeeds that are commanded and flown."""
@@ -403,10 +399,15 @@ class EmulatedFlight:
         """Return to the airspeed without commands."""
         self.hold_speed(SpeedTarget("airspeed", self.cruise_airspeed_m_s))
 
-    def take_off_if_asked(self) -> None:
-        """Start to roll, if the aircraft stands armed in a mode that takes off."""
-        if self.phase == "standing" and self.armed and self.mode.flies == "take-off":
+    def _roll_or_stand(self) -> None:
+        """Let an aircraft on the ground roll, if it is armed in a mode that takes off, or stop."""
+        if not self.on_ground:
+            return
+        if self.armed and self.mode.flies == "take-off":
             self.phase = "rolling"
+        else:
+            self.phase = "standing"
+            self.state = replace(self.state, speed_m_s=0.0)
 
     def _in_true_airspeed(self, plant: PlantParameters) -> PlantParameters:
         """Convert the airspeed range of the plant from shown to true airspeed."""
@@ -470,7 +471,7 @@ class EmulatedFlight:
             self.phase = "climbing"
             height_m = self.home.altitude_amsl_m + self.navigation.take_off_height_m
             cruise_m_s = self.true_airspeed_m_s(self.cruise_airspeed_m_s)
-            self._orbit = None
+            self._orbit = self._route = None
             self._commanded.set_all(
                 Targets(
                     TurnTarget("course", course_rad),

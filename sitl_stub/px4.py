@@ -334,14 +334,13 @@ class EmulatedPx4(Personality):
     def request_mode(self, flight: EmulatedFlight, custom_mode: int) -> Result:
         """Enter a mode; OFFBOARD only while setpoints are already arriving."""
         mode = self._modes.get(custom_mode)
-        if mode is None:
+        fresh = self._latest_us is not None and flight.time_us - self._latest_us <= STREAM_FRESH_US
+        if mode is None or (mode is OFFBOARD and mode is not flight.mode and not fresh):
             return Result.TEMPORARILY_REJECTED
         self._failed_safe = False
         if mode is flight.mode:
             return Result.ACCEPTED
         if mode is OFFBOARD:
-            if self._latest_us is None or flight.time_us - self._latest_us > STREAM_FRESH_US:
-                return Result.TEMPORARILY_REJECTED
             bank_rad = flight.motion().bank_rad
             flight.enter(mode)
             if self._number < KEEPS_COURSE:

@@ -25,6 +25,7 @@ from typing import Literal, get_args
 from msgspec.structs import replace
 from numpy.random import Generator, default_rng
 
+from sitl_stub.geometry import wrap_to_two_pi
 from sitl_stub.plant import Motion
 
 SensorGrade = Literal["ideal", "rtk", "sbas", "standalone"]
@@ -294,6 +295,7 @@ class Faults:
                     motion,
                     north_m_s=fault.north,
                     east_m_s=fault.east,
+                    course_rad=wrap_to_two_pi(math.atan2(fault.east, fault.north)),
                     ground_speed_m_s=math.hypot(fault.north, fault.east),
                 )
             held |= fault.kind == "held"
@@ -303,5 +305,6 @@ class Faults:
             motion,
             north_m_s=self._held.north_m_s,
             east_m_s=self._held.east_m_s,
+            course_rad=self._held.course_rad,
             ground_speed_m_s=self._held.ground_speed_m_s,
         )

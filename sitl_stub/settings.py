@@ -466,6 +466,8 @@ class Settings(AircraftOptions):
             raise OptionError("--mavlink: is missing; write one like udpin://127.0.0.1:14540")
         if not 1 <= self.count <= MAX_COUNT:
             raise OptionError(f"--count: {self.count} is not 1 to {MAX_COUNT}")
+        if self.also_to and self.count > 1:
+            raise OptionError("--also-to: is not for --count; start an emulator for each aircraft")
         first = parse_address(self.mavlink)
         air = self.air()
         key = None if self.signing_key is None else key_of(self.signing_key)

@@ -168,12 +168,16 @@ class Streams:
             chosen: intervals (us) of unrequested messages beside the heartbeat; None for the personality's.
         """
         self._personality = personality
-        self._chosen = chosen
         self._fastest_us = MIN_INTERVAL_US
         self._tick_us = 1
         if loop_rate_hz is not None:
             self._tick_us = round(1e6 / loop_rate_hz)
             self._fastest_us = round(1e6 / (LOOP_SHARE * loop_rate_hz))
+        sent = personality.unrequested
+        if chosen is not None:
+            heartbeat = mavlink.MAVLINK_MSG_ID_HEARTBEAT
+            sent = {heartbeat: sent[heartbeat], **chosen}
+        self._unrequested = sent
         self.schedule = self._defaults(-1)
         self._requested: list[Wanted] = []
 
@@ -207,7 +211,7 @@ class Streams:
             return Result.DENIED
         interval_us = interval_us if interval_us is not None else round(command.parameters[1])
         if interval_us == 0:
-            interval_us = self._personality.unrequested.get(message_id, -1)
+            interval_us = self._unrequested.get(message_id, -1)
         if interval_us == -1:
             self.schedule.stop(message_id)
             return Result.ACCEPTED
@@ -271,12 +275,6 @@ class Streams:
     def _defaults(self, sent_until_us: int) -> Schedule:
         """Return the schedule after a boot, from the instant after `sent_until_us`."""
         schedule = Schedule(TELEMETRY, sent_until_us=sent_until_us, tick_us=self._tick_us)
-        sent = self._personality.unrequested
-        if self._chosen is not None:
-            sent = {
-                mavlink.MAVLINK_MSG_ID_HEARTBEAT: sent[mavlink.MAVLINK_MSG_ID_HEARTBEAT],
-                **self._chosen,
-            }
-        for message_id, interval_us in sent.items():
+        for message_id, interval_us in self._unrequested.items():
             schedule.every(message_id, interval_us)
         return schedule

@@ -126,10 +126,18 @@ def test_the_common_speed_command_is_ignored_once_the_guided_one_was_used():
     assert vehicle.result(replies) == "ACCEPTED"
     assert types_of(replies) == ["COMMAND_ACK", "STATUSTEXT"]
     assert vehicle.flown(40.0).airspeed_m_s == pytest.approx(24.0, abs=1e-3)
+    # A mode that there is not changes nothing.
+    assert vehicle.result(vehicle.command_long(176, 1, 99)) == "DENIED"
+    assert types_of(vehicle.command_long(178, 0, 18.0)) == ["COMMAND_ACK", "STATUSTEXT"]
     vehicle.command_long(176, 1, 12)
     vehicle.guided()
     vehicle.command_long(178, 0, 18.0)
     assert vehicle.flown(60.0).airspeed_m_s == pytest.approx(18.0, abs=1e-3)
+    vehicle.command_int(SPEED, 0, 24.0, 0)
+    # A reboot begins in LOITER.
+    vehicle.command_long(246, 1)
+    vehicle.command_long(178, 0, 18.0)
+    assert vehicle.flown(80.0).airspeed_m_s == pytest.approx(18.0, abs=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import PlantParameters, SteadyWind
+from sitl_stub.route import Route
 from tests.kit.autopilot import GroundStation, new_station
 from tests.kit.wire import command_long, of_type, packed
 
@@ -88,6 +89,30 @@ def test_a_mode_that_does_not_take_off_ends_the_roll_and_a_reboot_on_the_ground_
     assert vehicle.truth.armed
     vehicle.command_long(246, 1)
     assert not vehicle.truth.armed
+
+
+def test_an_aircraft_that_is_disarmed_on_its_take_off_roll_stands():
+    vehicle = on_ground()
+    vehicle.command_long(400, 1)
+    vehicle.command_long(176, 1, 13)
+    assert vehicle.flown(1.0).ground_speed_m_s == pytest.approx(4.0)
+    assert vehicle.result(vehicle.command_long(400, 0)) == "ACCEPTED"
+    assert vehicle.flown(30.0).ground_speed_m_s == 0.0
+    assert landed_state(vehicle) == LANDED
+    vehicle.command_long(400, 1)
+    assert vehicle.flown(31.0).ground_speed_m_s == pytest.approx(4.0)
+
+
+def test_a_take_off_leads_straight_ahead_whatever_route_was_to_be_flown():
+    """Home is at 47 N 8 E with the nose to the east, the route leads back to the west."""
+    route = Route(((47.0, 8.0), (47.0, 7.9)))
+    vehicle = new_station(
+        altitude_amsl_m=400.0, course_rad=math.pi / 2, airborne=False, armed=False, route=route
+    )
+    vehicle.command_long(400, 1)
+    vehicle.command_long(176, 1, 13)
+    assert vehicle.flown(15.0).altitude_amsl_m < 448.0
+    assert vehicle.truth.course_rad == pytest.approx(math.pi / 2, abs=0.01)
 
 
 @pytest.mark.parametrize(

@@ -107,6 +107,23 @@ def test_a_glitch_moves_reported_positions_for_its_time_and_nothing_else():
     assert glitched.truth == right.truth
 
 
+@pytest.mark.parametrize(
+    ("faults", "cog_deg"),
+    [
+        # 3 m/s south and 3 m/s east
+        ((Fault("velocity", 0.0, 9.0, -3.0, 3.0),), 135),
+        # At a bank of 15 degrees it turns by 7.53 degrees in the second before its last velocity.
+        ((Fault("held", 1.5, 60.0),), 7.53),
+    ],
+)
+def test_a_course_over_ground_is_that_of_the_velocity_that_is_reported(faults, cog_deg):
+    vehicle = make(faults=faults).guided()
+    vehicle.advance(2.0)
+    vehicle.command_long(43002, 0, 90.0, 9.8)
+    (report,) = of_type(vehicle.advance(8.0) and vehicle.command_long(512, 24), "GPS_RAW_INT")
+    assert report.cog == pytest.approx(100 * cog_deg, abs=1)
+
+
 NOISE = {
     "position_noise_m": 0.5,
     "velocity_noise_m_s": 0.3,

@@ -185,6 +185,10 @@ def test_it_tells_its_version():
             "--system-id: input should be less than or equal to 255",
         ),
         (["--mavlink", "udpin://127.0.0.1:65530", "--count", "10"], "no 10 ports"),
+        (
+            ["--count", "2", "--also-to", "udpout://127.0.0.1:1"],
+            "--also-to: is not for --count; start an emulator for each aircraft",
+        ),
         (["--plant", "course-hold", "--speed-response", "tecs"], "tecs"),
         (["--roll-time", "0"], "roll_time_s must be"),
         (["--course-dead-time", "-1"], "course_dead_time_s must be"),

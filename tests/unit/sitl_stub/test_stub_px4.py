@@ -217,6 +217,23 @@ def test_a_lost_stream_leaves_offboard_0_7_seconds_after_its_patience(patience_s
     assert vehicle.flown(patience_s + 0.75).mode == mode
 
 
+def test_a_mode_that_is_refused_ends_no_fail_safe():
+    vehicle = new_station(autopilot="px4")
+    offboard(vehicle)
+    vehicle.advance(5.0)
+    assert vehicle.command_long(512, 0)[-1].system_status == mavlink.MAV_STATE_CRITICAL
+    assert vehicle.result(vehicle.command_long(176, 1, 6)) == "TEMPORARILY_REJECTED"
+    assert vehicle.command_long(512, 0)[-1].system_status == mavlink.MAV_STATE_CRITICAL
+
+
+def test_a_reboot_in_the_air_forgets_the_stream_of_setpoints():
+    vehicle = new_station(autopilot="px4")
+    offboard(vehicle)
+    vehicle.command_long(246, 1)
+    assert vehicle.flown(5.0).mode == "AUTO.LOITER"
+    assert vehicle.command_long(512, 0)[-1].system_status == mavlink.MAV_STATE_ACTIVE
+
+
 def test_the_stream_is_lost_just_as_late_in_one_long_advance():
     long, short = new_station(autopilot="px4"), new_station(autopilot="px4")
     for vehicle in (long, short):

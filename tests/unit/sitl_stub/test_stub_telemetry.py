@@ -66,6 +66,13 @@ def test_a_stream_is_stopped_and_put_back_to_its_default():
     assert of_type(vehicle.advance(7.0), "LOCAL_POSITION_NED") == []
 
 
+def test_an_interval_of_zero_is_that_of_the_chosen_streams_where_they_were_chosen():
+    vehicle = new_station(streams=((33, 200_000),))
+    vehicle.interval(33, 50_000)
+    assert vehicle.interval(33, 0) == "ACCEPTED"
+    assert vehicle.command_long(510, 33)[-1].interval_us == 200_000
+
+
 @pytest.mark.parametrize(
     ("message_id", "interval_us"), [(33, 5_000), (33, -2), (9_999, 50_000), (33.5, 50_000), (0, -1)]
 )
