@@ -1,10 +1,12 @@
-"""Make the pictures of the pages of orders and of keeping clear anew.
+"""Make the pictures of the pages of the laws, belief, trust, orders and keeping clear anew.
 
 python -m tests.benchmarks.pictures docs/images
 """
 
 import cmath
+import math
 import sys
+from itertools import product
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -12,9 +14,16 @@ from unittest.mock import patch
 import numpy as np
 from matplotlib.patches import Circle
 
+from tests.benchmarks.impossible_reports import AT_S, stuck
+from tests.kit.companion import leader_bytes
 from tests.kit.flight import fly
+from tests.kit.formation import Formation
 from tests.kit.missions import content_of, shipped
 from vfguide.companion import avoidance
+from vfguide.companion.mission_plan import local_frame
+from vfguide.companion.own_vehicle import NavigatedState, OwnVehicle
+from vfguide.guidance.formation import FormationError, SlotMotion
+from vfguide.guidance.path import desired_course
 from vfguide.guidance.separation import (
     TIMES,
     WANTED,
@@ -30,11 +39,16 @@ from vfguide.guidance.separation import (
     manoeuvres_between,
     own_tracks,
 )
+from vfguide.lab.rehearsal.aircraft import emulator_of
 from vfguide.lab.report.colours import colours_of
 from vfguide.lab.report.style import dress, new_figure, save_figure
 from vfguide.lab.report.tracks_plot import draw_aircraft
+from vfguide.laws.field import SlotGains, field_motion
+from vfguide.link.codec import ENVELOPE
+from vfguide.mavlink.reports import PositionReport
 from vfguide.mission import Mission
 from vfguide.mission.order_plan import timetable
+from vfguide.paths.circle import Circle as CirclePath
 from vfguide.suite import with_law
 
 
@@ -108,7 +122,120 @@ def keeping_clear(path: Path) -> None:
     save_figure(figure, path)
 
 
+RADIUS_M, SPEED_M_S = 60.0, 20.0
+"""Of the path that is drawn, and of the slot."""
+
+ARROWS: dict[str, Any] = {"angles": "xy", "pivot": "mid", "color": "#555555", "width": 0.004}
+
+
+def fields(path: Path) -> None:
+    """Draw the courses of a leader's field around its path, and a follower's motion around its slot."""
+    around, beside = (figure := new_figure(10.0, 5.2)).subplots(1, 2)
+    around.add_patch(Circle((0.0, 0.0), RADIUS_M, fill=False, color="#1f5fa8", linewidth=2.0))
+    course = CirclePath(north=0.0, east=0.0, radius=RADIUS_M, direction=1)
+    places = np.array(list(product(np.linspace(-110.0, 110.0, 15), repeat=2)))
+    toward = np.array(
+        [
+            cmath.rect(1.0, desired_course(course.nearest(north, east), 0.05, math.pi / 2.0))
+            for north, east in places
+        ]
+    )
+    around.quiver(places[:, 1], places[:, 0], toward.imag, toward.real, **ARROWS, scale=22.0)
+    dress(around, title="A leader's courses to its path", across="east, m", up="north, m")
+    slot = SlotMotion(
+        north=0.0, east=0.0, course=0.0, speed=SPEED_M_S, turn_rate=0.0, acceleration=0.0
+    )
+    places = np.array(list(product(np.linspace(-42.0, 42.0, 13), repeat=2)))
+    moves = []
+    for ahead, right in places:
+        error = FormationError(
+            along_track=-ahead, cross_track=-right, along_track_rate=0.0, cross_track_rate=0.0
+        )
+        wanted = field_motion(slot, error, SlotGains(k_x=0.1, k_y=0.1))
+        moves.append(cmath.rect(wanted.speed, wanted.course) - SPEED_M_S)
+    flown = np.array(moves)
+    beside.quiver(places[:, 1], places[:, 0], flown.imag, flown.real, **ARROWS, scale=260.0)
+    draw_aircraft(beside, 0.0, 0.0, 0.0, colour="#1f5fa8", size=16.0)
+    title = "A follower's velocity relative to its slot"
+    dress(beside, title=title, across="right of the slot, m", up="ahead of the slot, m")
+    for axes in (around, beside):
+        axes.set_aspect("equal")
+    save_figure(figure, path)
+
+
+STUCK_S = 5.0
+"""For so long f1's autopilot repeats its position and velocity."""
+
+
+def belief(path: Path) -> None:
+    """Draw how far off f1's reports are while they repeat, and what its companion believes meanwhile."""
+    mission, name = shipped("circle-wind"), "f1"
+    formation = Formation(mission)
+    faults = stuck("place and velocity", STUCK_S)
+    formation.emulators[name].autopilot = emulator_of(mission, name, faults)
+    own = formation.aircraft[name].companion._vehicle.own  # noqa: SLF001
+    frame = local_frame(mission)
+    rows: list[tuple[float, complex, complex, float]] = []
+    take = OwnVehicle.take
+
+    def taken(one: OwnVehicle, report: PositionReport, now: float) -> NavigatedState | None:
+        navigated = take(one, report, now)
+        if one is own and navigated is not None:
+            said = frame.to_local(report.latitude_deg, report.longitude_deg)
+            flown = complex(navigated.state.north, navigated.state.east)
+            rows.append((now, complex(*said), flown, one.belief.radius))
+        return navigated
+
+    with patch.object(OwnVehicle, "take", taken):
+        flight = formation.fly(AT_S + 2.0 * STUCK_S)
+    time_s, *places, radius = map(np.array, zip(*rows, strict=True))
+    flown = flight.vehicle(name)
+    true = np.interp(time_s, flight.record.time_s, flown.north_m + 1j * flown.east_m)
+    reported, believed = (np.abs(place - true) for place in places)
+    axes = (figure := new_figure(8.0, 3.6)).subplots()
+    axes.fill_between(time_s, radius, color="#1f5fa8", alpha=0.15, label="95 % radius")
+    axes.plot(time_s, reported, color="#b0413e", label="reported")
+    axes.plot(time_s, believed, color="#1f5fa8", label="believed")
+    axes.set(xlim=(AT_S - 2.0, AT_S + 2.0 * STUCK_S), ylim=(0.0, 30.0))
+    dress(axes, title="Position and velocity repeat for 5 s", across="time, s", up="off, m")
+    axes.legend()
+    save_figure(figure, path)
+
+
+ENVELOPE_PARTS = (
+    ("mark, scheme, kind, length", 8, "rejects other traffic"),
+    ("formation", 8, "rejects other formations"),
+    ("session", 8, "rejects an older run of its program"),
+    ("the leader's session", 8, "rejects recordings of other flights"),
+    ("sequence", 4, "rejects repeats"),
+    ("time", 8, "rejects what is old"),
+    ("sender", 2, "finds the key in the roster"),
+)
+"""Fields before a state's body, their bytes for a sender of two letters, and the use of each."""
+
+
+def envelope(path: Path) -> None:
+    """Draw what the bytes of f1's signed state are for."""
+    body = len(leader_bytes(0.0))
+    parts = [*ENVELOPE_PARTS, ("state", body, "belief judges it"), ("signature", 64, "covers all")]
+    assert sum(size for _, size, _ in ENVELOPE_PARTS) == ENVELOPE.size + len("f1")
+    axes = (figure := new_figure(8.0, 3.6)).subplots()
+    begins = np.cumsum([0, *(size for _, size, _ in parts)])
+    for row, (begin, (name, size, use)) in enumerate(zip(begins, parts, strict=False)):
+        axes.barh(-row, size, left=begin, color="#1f5fa8" if name == "signature" else "#9db8d9")
+        beyond = begin + size if begin < begins[-1] / 2 else begin
+        side = "left" if beyond != begin else "right"
+        axes.text(beyond, -row, f"  {name}, {size}: {use}  ", va="center", ha=side)
+    axes.set_yticks([])
+    axes.set(xlim=(0, begins[-1]))
+    dress(axes, title="A signed state of f1", across="byte", up="")
+    save_figure(figure, path)
+
+
 if __name__ == "__main__":
     place = Path(sys.argv[1])
+    fields(place / "fields.png")
+    belief(place / "belief.png")
+    envelope(place / "envelope.png")
     shapes(place / "shapes.png")
     keeping_clear(place / "keeping-clear.png")
