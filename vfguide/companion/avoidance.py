@@ -206,8 +206,7 @@ class KeepClear:
         if any(one.over_m for one in those) and math.isfinite(here.altitude_amsl):
             heights = self._heights_ahead(here, aim)
             others = replace(others, worth=worth_in_plane(heights, others, those))
-        side = 0.0 if self._clear is None else self._clear.turn
-        clear = keep_clear(own, aim.wanted, others, agility, side=side)
+        clear = keep_clear(own, aim.wanted, others, agility)
         # In close slots, with nothing to change, two may stay nearer than this for ever.
         room_m = math.inf
         if clear.changed:

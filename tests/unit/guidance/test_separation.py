@@ -154,12 +154,6 @@ def test_whoever_claims_to_be_here_already_changes_no_choice_between_the_others(
     assert found.nearest[:2].min() >= 5.0
 
 
-def test_a_side_that_was_chosen_is_kept():
-    meeting = others(flying(120.0 + 0j, -NORTH))
-    held = keep_clear(HERE, STRAIGHT_ON, meeting, AGILITY, side=-math.radians(20.0))
-    assert held.turn < 0.0
-
-
 def way_of(apart: complex, closing: complex) -> float:
     (way,) = passing(np.array([apart]), np.array([closing]))
     return float(way)
