@@ -4,11 +4,12 @@ import os
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
-from tests.benchmarks.bench import ARTICLE_M
 from tests.benchmarks.results import Cases
 from tests.kit.missions import mission_with
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.report.metrics import FormationSummary, summarise
+from vfguide.lab.studies import comparison
+from vfguide.lab.studies.flown import ARTICLE_ERROR_M
 
 OTHERS = {
     "survey-racetrack": "a racetrack",
@@ -25,14 +26,7 @@ BAD_LINK = "slow, lossy link and noise¹"
 
 VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "as shipped": {},
-    BAD_LINK: {
-        "rehearsal": {
-            "link_delay_s": 0.2,
-            "link_jitter_s": 0.05,
-            "link_loss": 0.2,
-            "position_noise_m": 0.3,
-        }
-    },
+    BAD_LINK: {"rehearsal": comparison.BAD_LINK},
     "`controller.leader_speed_source: observer`": {
         "controller": {"leader_speed_source": "observer"}
     },
@@ -55,8 +49,8 @@ def flown(tasks: list[tuple[str, str]]) -> dict[tuple[str, str], FormationSummar
 
 def missions() -> Cases:
     """Fly every mission as it is shipped, the article's over a bad link too."""
-    shipped = [(name, "as shipped") for name in (*ARTICLE_M, *OTHERS)]
-    found = flown(shipped + [(name, BAD_LINK) for name in ARTICLE_M])
+    shipped = [(name, "as shipped") for name in (*ARTICLE_ERROR_M, *OTHERS)]
+    found = flown(shipped + [(name, BAD_LINK) for name in ARTICLE_ERROR_M])
     for name, variant in shipped:
         one = found[name, variant]
         figures: dict[str, float | str | None] = {
@@ -67,9 +61,9 @@ def missions() -> Cases:
             "settle_1m_s": one.settle_1m_s,
             "nearest_m": one.min_separation_m,
         }
-        if name in ARTICLE_M:
+        if name in ARTICLE_ERROR_M:
             bad_link = found[name, BAD_LINK].mean_error_m
-            figures |= {"article_m": ARTICLE_M[name], "bad_link_m": bad_link}
+            figures |= {"article_m": ARTICLE_ERROR_M[name], "bad_link_m": bad_link}
         else:
             figures["what"] = OTHERS[name]
         yield name, figures
@@ -77,9 +71,9 @@ def missions() -> Cases:
 
 def variants() -> Cases:
     """Fly the article's missions with one thing changed."""
-    found = flown([(name, variant) for variant in VARIANTS for name in ARTICLE_M])
+    found = flown([(name, variant) for variant in VARIANTS for name in ARTICLE_ERROR_M])
     for variant in VARIANTS:
         yield (
             variant,
-            {name.replace("-", "_"): found[name, variant].mean_error_m for name in ARTICLE_M},
+            {name.replace("-", "_"): found[name, variant].mean_error_m for name in ARTICLE_ERROR_M},
         )

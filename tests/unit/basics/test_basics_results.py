@@ -1,5 +1,7 @@
 """Figures of the docs: rows are read, those that belong together are shown, pages agree with their files."""
 
+from importlib import import_module
+
 import msgspec
 import pytest
 from hypothesis import given
@@ -160,8 +162,10 @@ def test_tables_say_what_their_files_say(page):
 
 
 @pytest.mark.parametrize("name", list(studies()))
-def test_a_study_has_rows_that_fill_its_table(name):
+def test_a_study_can_be_measured_and_has_rows_that_fill_its_table(name):
     study = studies()[name]
+    module, _, function = study.measure.partition(":")
+    assert not module or callable(getattr(import_module(module), function))
     known = together(rows_of(study.rows or name))
     assert known.keys() >= set(study.cases)
     assert known
