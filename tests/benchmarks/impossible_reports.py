@@ -12,7 +12,7 @@ from math import inf
 
 import numpy as np
 
-from sitl_stub import Autopilot, Fault, Truth
+from sitl_stub import Autopilot, Fault
 from tests.benchmarks.results import Cases, Figures, Value
 from tests.kit.flight import Flight
 from tests.kit.formation import Formation
@@ -115,27 +115,12 @@ class Stop:
     """For how long, s."""
 
 
-class Hindered:
-    """An emulated autopilot that something comes between."""
-
-    def __init__(self, autopilot: Autopilot) -> None:
-        self._autopilot = autopilot
-
-    def receive(self, data: bytes) -> bytes:
-        """Hear."""
-        return self._autopilot.receive(data)
-
-    def truth(self) -> Truth:
-        """Where the aircraft is."""
-        return self._autopilot.truth()
-
-
-class LatePositions(Hindered):
+class LatePositions:
     """An emulated autopilot whose position reports come late, or not at all."""
 
     def __init__(self, autopilot: Autopilot, faults: Sequence[Late]) -> None:
-        super().__init__(autopilot)
-        self._faults = faults
+        self._autopilot, self._faults = autopilot, faults
+        self.receive, self.truth = autopilot.receive, autopilot.truth
         self._held: list[tuple[float, bytes]] = []
 
     def advance(self, now: float) -> bytes:
@@ -155,12 +140,12 @@ class LatePositions(Hindered):
         return said + b"".join(due)
 
 
-class Stopped(Hindered):
+class Stopped:
     """An emulated autopilot that is stopped now and then: it hears and says nothing, and its time stands."""
 
     def __init__(self, autopilot: Autopilot, stops: Sequence[Stop]) -> None:
-        super().__init__(autopilot)
-        self._stops = stops
+        self._autopilot, self._stops = autopilot, stops
+        self.truth = autopilot.truth
         self._stands = False
 
     def advance(self, now: float) -> bytes:
@@ -171,7 +156,7 @@ class Stopped(Hindered):
 
     def receive(self, data: bytes) -> bytes:
         """Hear, unless it stands."""
-        return b"" if self._stands else super().receive(data)
+        return b"" if self._stands else self._autopilot.receive(data)
 
 
 def on_course(name: str = "circle-wind") -> Mission:

@@ -9,24 +9,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from tests.benchmarks.results import Cases
-from tests.kit.missions import shipped
+from tests.kit.missions import replaced, shipped
 from vfguide.formation.arrangement import Arrangement, Shape, shape_slots
-from vfguide.formation.orders import Order
-from vfguide.lab.rehearsal.aircraft import LEAD_S, REPEAT_S, TIMES, Aircraft, step_all
-from vfguide.lab.rehearsal.recorder import flight_record
+from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.report.figures import pair_separations, seen_from_leader, settling_time
-from vfguide.link.memory import Mail
-from vfguide.link.order_codec import encode_order
 from vfguide.mission.model import Mission
-from vfguide.mission.order_plan import formation_of_mission, resolve
+from vfguide.mission.order_plan import timetable
 from vfguide.record.flight import FlightRecord
 
 SIX: tuple[Shape, ...] = ("vee", "line-abreast", "echelon-left", "trail", "diamond", "finger-four")
 SPACING_M = 20.0
 FIRST_S = 40.0
 """Everybody has found its first slot by then."""
-BETWEEN_S = 20.0
-"""After the slots have come to rest, before the next order."""
+APART_S = 45.0
+"""Between two orders: everybody has found its slot again by then."""
 FOLLOWERS = 3
 LINE = {"type": "line", "point": {"north_m": 0, "east_m": 0}, "course_deg": 45, "gain": 0.03}
 
@@ -69,42 +65,6 @@ def round_trip(shapes: Sequence[Shape]) -> list[Shape]:
     return circuit[::-1]
 
 
-def planned(mission: Mission, walk: Sequence[Shape]) -> list[Arrangement]:
-    """The orders of a walk from shape to shape, one after the other."""
-    formation, time_s, given = formation_of_mission(mission), FIRST_S, list[Arrangement]()
-    for shape in walk[1:]:
-        order = Order(shape=shape, spacing=SPACING_M)
-        found, _ = resolve(mission, order, formation, number=len(given) + 1, time_s=time_s)
-        given.append(found)
-        formation = formation.after(found)
-        time_s += found.duration_s + BETWEEN_S
-    return given
-
-
-def flown(mission: Mission, given: Sequence[Arrangement]) -> FlightRecord:
-    """The flight of these orders; whatever is not flown as ordered ends it."""
-    last = given[-1]
-    rate_hz = mission.rehearsal.rate_hz
-    end = round((last.time_s + last.duration_s + BETWEEN_S) * rate_hz)
-    mail_at = sorted(
-        (one.time_s - LEAD_S + REPEAT_S * copy, encode_order(one))
-        for one in given
-        for copy in range(TIMES)
-    )
-    names = [mission.leader.vehicle, *mission.followers_by_name]
-    flying = [Aircraft(mission, name, orders=mail_at) for name in names]
-    times = [step / rate_hz for step in range(end + 1)]
-    mail = list[Mail]()
-    for now in times:
-        mail = step_all(flying, now, mail)
-    for aircraft in flying:
-        arrangement = aircraft.companion.arrangement
-        if arrangement is None or arrangement.number != last.number:
-            raise SystemExit(f"{aircraft.name} does not fly order {last.number}")
-    records = [aircraft.recorder.record() for aircraft in flying]
-    return flight_record(mission, times, records, wall_s=0.0)
-
-
 def settled_s(record: FlightRecord, order: Arrangement, until_s: float) -> float:
     """After so long everybody stays within a metre of where the order sends it; infinite if not by then."""
     window = (record.time_s >= order.time_s) & (record.time_s < until_s)
@@ -119,11 +79,17 @@ def settled_s(record: FlightRecord, order: Arrangement, until_s: float) -> float
 
 def cases() -> Cases:
     """Fly every ordered pair of six shapes, one after the other."""
-    mission = mission_of(FOLLOWERS)
-    given = planned(mission, round_trip(SIX))
-    record = flown(mission, given)
-    ends = [*(one.time_s for one in given[1:]), float(record.time_s[-1])]
-    took = [settled_s(record, one, end) for one, end in zip(given, ends, strict=True)]
+    walk = round_trip(SIX)[1:]
+    times_s = [FIRST_S + APART_S * number for number in range(len(walk) + 1)]
+    timed = zip(times_s, walk, strict=False)
+    orders = [{"at_s": at_s, "shape": shape, "spacing_m": SPACING_M} for at_s, shape in timed]
+    rehearsal = {"link_delay_s": 0.1, "duration_s": times_s[-1]}
+    mission = replaced(mission_of(FOLLOWERS), orders=orders, rehearsal=rehearsal)
+    record = fly_lockstep(mission).record
+    took = [
+        settled_s(record, order, end_s)
+        for (order, _), end_s in zip(timetable(mission), times_s[1:], strict=True)
+    ]
     counts = record.time_s >= FIRST_S
     yield (
         "pairs of six shapes, 4 aircraft on a line",
