@@ -25,21 +25,11 @@ settings.load_profile("unhurried")
 
 TESTS = Path(__file__).parent
 
-REAL_TIME = {
-    "autopilots": 1,
-    "docker": 2,
-    "integration/bench": 2,
-    "integration/command_line/test_command_entry.py": 2,
-    "integration/command_line/test_command_writes.py": 2,
-    "integration/console": 2,
-    "integration/foreign": 2,
-    "integration/live": 2,
-    "integration/mqtt": 2,
-    "integration/radio": 2,
-    "integration/sitl_stub": 2,
-    "integration/transports": 2,
-    "integration/udp": 2,
-}
+LINKS = ("mqtt", "radio", "transports", "udp")
+PROGRAMS = ("bench", "console", "foreign", "live", "sitl_stub")
+COMMANDS = ("command_line/test_command_entry.py", "command_line/test_command_writes.py")
+RERUNS = {f"integration/{place}": 2 for place in (*LINKS, *PROGRAMS, *COMMANDS)}
+REAL_TIME = {"autopilots": 1, "docker": 2} | RERUNS
 """Tests whose verdict depends on several programs getting the processor in time, and how often one that has
 failed is tried again: it may have been the machine.
 """

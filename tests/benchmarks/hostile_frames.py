@@ -13,7 +13,8 @@ import random
 import struct
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -253,25 +254,15 @@ def member(_kind: str) -> Feed:
     return feed
 
 
-def to_companion(seed: int) -> Iterator[bytes]:
-    return iter(Frames(seed, system_id=LEADER, component_id=1, favourites=TO_COMPANION))
-
-
-def to_emulator(seed: int) -> Iterator[bytes]:
-    return iter(Frames(seed, system_id=255, component_id=190, favourites=TO_EMULATOR))
-
-
-def to_follower(seed: int) -> Iterator[bytes]:
-    return iter(Frames(seed, system_id=7, component_id=1, favourites=TO_FOLLOWER))
-
-
-TARGETS: dict[str, tuple[Callable[[str], Feed], Callable[[int], Iterator[bytes]]]] = {
-    "ardupilot": (emulator, to_emulator),
-    "px4": (emulator, to_emulator),
-    "companion": (companion, to_companion),
-    "follower": (companion, to_follower),
+BY_GROUND = partial(Frames, system_id=255, component_id=190, favourites=TO_EMULATOR)
+TARGETS: dict[str, tuple[Callable[[str], Feed], Callable[[int], Iterable[bytes]]]] = {
+    "ardupilot": (emulator, BY_GROUND),
+    "px4": (emulator, BY_GROUND),
+    "companion": (companion, partial(Frames, system_id=1, component_id=1, favourites=TO_COMPANION)),
+    "follower": (companion, partial(Frames, system_id=7, component_id=1, favourites=TO_FOLLOWER)),
     "member": (member, datagrams),
 }
+"""What is fed, and with what."""
 
 
 def main() -> int:

@@ -29,6 +29,7 @@ from tests.kit.signed_flight import SignedFlight
 from vfguide.errors import VfguideError
 from vfguide.formation.arrangement import SHAPES, Arrangement, Manoeuvre, Point
 from vfguide.formation.orders import EPOCH_S, Formation, Order, new_number
+from vfguide.lab.console.orders import order_in_words
 from vfguide.lab.order_desk import OrderDesk
 from vfguide.lab.ordering import DECIDED
 from vfguide.lab.report.figures import pair_separations
@@ -112,8 +113,8 @@ def drawn_mission(random: Random) -> Mission:
 
 def drawn_order(  # noqa: C901, PLR0911 - one case for each kind
     formation: Formation, random: Random
-) -> tuple[str, Order]:
-    """(in words, as a whole) an order that may or may not be possible."""
+) -> Order:
+    """Draw an order that may or may not be possible."""
     here = list(formation.slots)
     away = [name for name in formation.home if name not in here]
     shape, spacing = random.choice(SHAPES), float(random.randint(10, 30))
@@ -123,37 +124,35 @@ def drawn_order(  # noqa: C901, PLR0911 - one case for each kind
     kinds += ["resume"] * 6 if formation.flown is Manoeuvre.HOLD else ["hold"]
     match random.choice(kinds):
         case "spacing":
-            return f"spacing {spacing:g}", Order(spacing=spacing)
+            return Order(spacing=spacing)
         case "swap" if len(here) > 1:
             first, second = random.sample(here, 2)
-            return f"swap {first} {second}", Order(swap=(first, second))
+            return Order(swap=(first, second))
         case "slot":
             one = random.choice(here)
             point = Point(float(random.randint(-60, 0)), float(random.randint(-50, 50)))
-            text = f"slot {one}={point.forward:g},{point.right:g}"
-            return text, Order(slots={one: point})
+            return Order(slots={one: point})
         case "path":
-            path = random.choice([one for one in formation.paths if one != formation.path])
-            return f"path {path}", Order(path=path)
-        case "lead":
-            lead = random.choice([one for one in formation.may_lead if one != formation.leads])
-            return f"lead {lead}", Order(lead=lead)
-        case "leave":
-            one = random.choice(here)
-            return f"leave {one}", Order(leave=(one,))
-        case "join":
-            one = random.choice(away)
-            if random.random() < 0.5:
-                return f"join {one}", Order(join=(one,))
-            return f"join {one}, {shape} {spacing:g}", Order(
-                join=(one,), shape=shape, spacing=spacing
+            return Order(
+                path=random.choice([one for one in formation.paths if one != formation.path])
             )
+        case "lead":
+            return Order(
+                lead=random.choice([one for one in formation.may_lead if one != formation.leads])
+            )
+        case "leave":
+            return Order(leave=(random.choice(here),))
+        case "join":
+            join = (random.choice(away),)
+            if random.random() < 0.5:
+                return Order(join=join)
+            return Order(join=join, shape=shape, spacing=spacing)
         case "hold":
-            return "hold", Order(action="hold")
+            return Order(action="hold")
         case "resume":
-            return "resume", Order(action="resume")
+            return Order(action="resume")
         case _:
-            return f"{shape} {spacing:g}", Order(shape=shape, spacing=spacing)
+            return Order(shape=shape, spacing=spacing)
 
 
 class Sortie:
@@ -220,7 +219,7 @@ class Sortie:
         time_s = self.now + LEAD_S
         try:
             formation = self.desk.formation()
-            name, order = drawn_order(formation, random)
+            order = drawn_order(formation, random)
             place = self.desk.leader_place(time_s)
             number = new_number(self.desk.newest_number, EPOCH_S + self.now, random)
             found, _ = resolve(
@@ -234,7 +233,7 @@ class Sortie:
         self.desk.given, self.desk.replies = (found.number, check_of(data)), {}
         self.desk.note_order(found)
         self._ordered.add(self.desk.given)
-        self.given.append(Given(name, found, data, awaited))
+        self.given.append(Given(order_in_words(order), found, data, awaited))
         if random.random() < KILLED and not self.is_shaken(self.now):
             at_s = time_s + random.uniform(-LEAD_S, found.duration_s + 10.0)
             self._kill = at_s, random.uniform(3.0, 20.0)

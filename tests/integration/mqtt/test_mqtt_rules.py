@@ -33,8 +33,8 @@ def rules_of(orders: str) -> str:
     ).stdout
 
 
-@pytest.mark.parametrize(("orders", "passed"), [("yes", True), ("", False)])
-async def test_the_broker_passes_on_the_consoles_orders_only_where_they_were_asked_for(
+@pytest.mark.parametrize(("orders", "passed"), [("yes", True), ("", False), ("no", False)])
+async def test_the_broker_passes_on_questions_of_the_console_and_orders_only_where_asked_for(
     guarded, orders, passed
 ):
     def topics(vehicle: str) -> Topics:
@@ -42,6 +42,7 @@ async def test_the_broker_passes_on_the_consoles_orders_only_where_they_were_ask
 
     console, lead = topics("console"), topics("lead")
     own = {where(console, kind) for kind in (*ORDERING, Kind.REVOCATION)}
+    questions = {console.ask(name) for name in ("lead", "f1")}
     foreign = {where(lead, Kind.ORDER), lead.state("lead")}
 
     broker = guarded("lead", "judge", "console", rules=rules_of(orders))
@@ -52,7 +53,7 @@ async def test_the_broker_passes_on_the_consoles_orders_only_where_they_were_ask
     heard = set()
     async with client("judge") as judge, client("console") as sender, client("lead") as leader:
         await judge.subscribe("vfguide/#", qos=1)
-        for topic in sorted(own | foreign):
+        for topic in sorted(own | questions | foreign):
             await sender.publish(topic, b"by the console", qos=1)
         await leader.publish(MARK, b"by the leader", qos=1)
         async with asyncio.timeout(60.0):
@@ -60,7 +61,7 @@ async def test_the_broker_passes_on_the_consoles_orders_only_where_they_were_ask
                 if message.payload == b"by the leader":
                     break
                 heard.add(message.topic.value)
-    assert heard == (own if passed else set())
+    assert heard == questions | (own if passed else set())
 
 
 async def test_an_account_of_a_vehicle_stores_no_more_than_its_own_topics_hold(guarded):
