@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 
 from tests.kit.figures import figures_with
-from vfguide.lab.report.metrics import plain_json
 from vfguide.lab.studies.comparison import (
     ABLATIONS,
     FULL,
@@ -69,10 +68,6 @@ def test_the_long_table_says_what_never_settled_and_what_a_bad_link_costs():
 )
 def test_figures_have_the_digits_they_deserve(value, text):
     assert f"{Shown.of(value)}" == text
-
-
-def test_figures_go_into_json_without_what_it_does_not_know():
-    assert plain_json({"a": [1.0, math.inf], "b": (math.nan,)}) == {"a": [1.0, None], "b": [None]}
 
 
 def test_the_comparison_flies_every_mission_by_every_law_on_both_plants():

@@ -1,6 +1,8 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tests.kit.wire import framed as frame
+from tests.kit.wire import heartbeat, position_report
 from vfguide.lab.studies.latency import figures_of, formation
 from vfguide.lab.studies.peers import has_position, has_setpoint
 from vfguide.mission import check_mission
@@ -18,13 +20,7 @@ def test_figures_of_a_hundred_and_of_none():
     assert figures_of([]) == {"count": 0}
 
 
-def frame(message: mavlink.MAVLink_message) -> bytes:
-    packed: bytes = message.pack(mavlink.MAVLink(None, srcSystem=1))
-    return packed
-
-
-HEARTBEAT = frame(mavlink.MAVLink_heartbeat_message(1, 3, 1, 15, 4, 3))
-POSITION = frame(mavlink.MAVLink_global_position_int_message(1, 2, 3, 4, 5, 6, 7, 8, 9))
+HEARTBEAT, POSITION = frame(heartbeat()), frame(position_report())
 COURSE = frame(mavlink.MAVLink_command_int_message(1, 1, 0, 43002, 0, 0, 0, 90, 9, 0, 0, 0, 0))
 SPEED = frame(mavlink.MAVLink_command_int_message(1, 1, 0, 43000, 0, 0, 0, 20, 0, 0, 0, 0, 0))
 VELOCITY = frame(

@@ -22,7 +22,7 @@ from vfguide.lab.report.figures import (
     spread,
     variation_rate,
 )
-from vfguide.lab.report.metrics import FollowerSummary, summarise, summary_json
+from vfguide.lab.report.metrics import FollowerSummary, plain_json, summarise, summary_json
 from vfguide.lab.report.wording import verdict
 from vfguide.record.flight import FlightRecord, RecordAcceptance
 from vfguide.record.latency import Latency, Percentiles, Promptness
@@ -98,31 +98,29 @@ def test_spread_is_of_sizes():
     assert spread(np.array([1.0, math.nan])) is None
 
 
-def test_a_setpoint_that_crosses_south_does_not_jump():
-    """179° to -179° and back: 2° each, in 2 s."""
-    angles = np.radians([179.0, -179.0, 179.0])
-    assert variation_rate(np.arange(3.0), angles) == pytest.approx(math.radians(2.0))
+TURNED = 0.1 * np.arange(200.0)
 
 
-def test_a_steady_turn_varies_at_its_rate_and_has_no_excess():
-    """0.1 rad/s for 200 s, three times round the compass."""
-    time_s = np.arange(0.0, 200.0, 0.05)
-    wrapped = np.arctan2(np.sin(0.1 * time_s), np.cos(0.1 * time_s))
-    assert variation_rate(time_s, wrapped) == pytest.approx(0.1)
-    assert excess_variation_rate(time_s, wrapped) == pytest.approx(0.0, abs=1e-12)
-
-
-def test_chatter_is_all_excess():
-    """Back and forth by 0.2 rad at 1 Hz steps: 0.2 rad/s, no net turning."""
-    time_s = np.arange(5.0)
-    angles = np.array([0.0, 0.2, 0.0, 0.2, 0.0])
-    assert excess_variation_rate(time_s, angles) == pytest.approx(0.2)
-
-
-def test_setpoints_not_yet_sent_are_left_out():
-    angles = np.array([math.nan, math.nan, 0.0, 0.3])
-    assert variation_rate(np.arange(4.0), angles) == pytest.approx(0.3)
-    assert variation_rate(np.arange(4.0), np.full(4, math.nan)) is None
+@pytest.mark.parametrize(
+    ("angles", "total", "excess"),
+    [
+        pytest.param(np.radians([179.0, -179.0, 179.0]), *[math.radians(2.0)] * 2, id="past south"),
+        # 0.1 rad/s for 200 s, three times round the compass.
+        pytest.param(np.arctan2(np.sin(TURNED), np.cos(TURNED)), 0.1, 0.0, id="a steady turn"),
+        pytest.param([0.0, 0.2, 0.0, 0.2, 0.0], 0.2, 0.2, id="chatter, without net turning"),
+        pytest.param([math.nan, math.nan, 0.0, 0.3], 0.3, 0.0, id="not sent at first"),
+        pytest.param([math.nan] * 4, None, None, id="never sent"),
+    ],
+)
+def test_setpoints_vary_each_second_by_their_steps_and_in_excess_by_what_turns_back(
+    angles, total, excess
+):
+    time_s = np.arange(float(len(angles)))
+    found = (
+        variation_rate(time_s, np.array(angles)),
+        excess_variation_rate(time_s, np.array(angles)),
+    )
+    assert found == pytest.approx((total, excess), abs=1e-12)
 
 
 @given(angles=arrays(np.float64, st.integers(2, 30), elements=st.floats(-50, 50)))
@@ -256,6 +254,7 @@ def test_json_has_the_published_layout(stepped_flight):
 
 
 def test_json_has_null_for_what_is_not_finite(stepped_flight):
+    assert plain_json({"a": [1.0, math.inf], "b": (math.nan,)}) == {"a": [1.0, None], "b": [None]}
     broken = with_vehicle(stepped_flight, "leader", north_m=np.full_like(TIME, math.nan))
     plain = summary_json(summarise(replace(broken, wall_s=0.0)))
     json.dumps(plain, allow_nan=False)
