@@ -54,12 +54,6 @@ class UdpAddress(LinkAddress):
         host = self.destinations[0][0]
         return host if ipaddress.IPv4Address(host).is_multicast else None
 
-    @property
-    def shared(self) -> bool:
-        """Whether programs of one computer may share the port: a group or broadcast reaches them all."""
-        host = self.destinations[0][0]
-        return self.group is not None or (len(self.destinations) == 1 and host.endswith(".255"))
-
     def __str__(self) -> str:
         return "udp://" + ",".join(f"{host}:{port}" for host, port in self.destinations)
 
@@ -92,7 +86,7 @@ def open_socket(address: UdpAddress) -> socket.socket:
         opened.setblocking(False)  # noqa: FBT003
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-        if address.shared:
+        if address.group or is_broadcast(*address.destinations):
             # Several companions on one computer hear one group, as in a rehearsal.
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         # Bound to the group itself; otherwise everything sent to the port from anywhere would be read.
@@ -115,6 +109,19 @@ def open_socket(address: UdpAddress) -> socket.socket:
         opened.close()
         raise
     return opened
+
+
+def is_broadcast(*destinations: tuple[str, int]) -> bool:
+    """Check whether there is one destination, which this computer cannot send to as to a single computer."""
+    if len(destinations) > 1:
+        return False
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            # Nothing is sent. Systems deny a broadcast address to a socket without SO_BROADCAST.
+            probe.connect(destinations[0])
+        except OSError:
+            return True
+    return False
 
 
 def interface_of(name: str) -> bytes:

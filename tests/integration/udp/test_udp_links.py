@@ -5,7 +5,7 @@ import errno
 import socket
 import struct
 import time
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from itertools import count
 from random import Random
 from typing import Any
@@ -16,7 +16,7 @@ from tests.kit.crew import Crew, crews_on, speak
 from tests.kit.link import FORMATION, LEADER, ROSTER, trust_of
 from tests.kit.sockets import PATIENCE_S, free_port, until
 from vfguide.link import udp
-from vfguide.link.carrier import parse_links
+from vfguide.link.carrier import parse_link, parse_links
 from vfguide.link.codec import Kind
 from vfguide.link.opening import WatchedFormation, open_link, presences
 from vfguide.link.presence import Presence
@@ -92,6 +92,17 @@ async def test_a_formation_hears_itself_without_a_broker(way, monkeypatch):
         assert leader.link.connected
         assert one.link.connected
         assert {vehicle for vehicle, _ in other.neighbours} == {"f1"}
+
+
+@pytest.mark.parametrize(("host", "shared"), [("127.255.255.255", True), ("127.0.0.255", False)])
+def test_two_programs_share_a_port_where_a_broadcast_reaches_both_and_nowhere_else(host, shared):
+    """The network 127.0.0.0 has 24 bits for its hosts: 127.0.0.255 is one of them."""
+    address = parse_link(f"udp://{host}:{free_port()}", {})
+    with (
+        udp.open_socket(address),
+        nullcontext() if shared else pytest.raises(OSError, match="in use"),
+    ):
+        udp.open_socket(address).close()
 
 
 @pytest.mark.parametrize("way", ["group", "zenoh"])

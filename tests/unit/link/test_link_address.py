@@ -180,12 +180,11 @@ def test_any_text_is_an_address_or_refused_in_one_line(text):
 def test_a_group_a_broadcast_address_and_peers_are_told_apart():
     group = parse_link("udp://239.255.42.1:14700?interface=wlan0", {})
     assert (group.group, group.port, group.interface) == ("239.255.42.1", 14700, "wlan0")
-    assert group.shared
     broadcast = parse_link("udp://10.0.0.255:14700", {})
-    assert (broadcast.group, broadcast.shared) == (None, True)
+    assert broadcast.group is None
     peers = parse_link("udp://10.0.0.2:1400,10.0.0.3:1500?port=1600", {})
     assert peers.destinations == (("10.0.0.2", 1400), ("10.0.0.3", 1500))
-    assert (peers.group, peers.shared, peers.port) == (None, False, 1600)
+    assert (peers.group, peers.port) == (None, 1600)
     assert str(peers) == "udp://10.0.0.2:1400,10.0.0.3:1500"
     assert {type(one) for one in (group, broadcast, peers)} == {UdpAddress}
 
