@@ -18,6 +18,7 @@ import sitl_stub
 from sitl_stub import Autopilot, cli
 from tests.kit.missions import content_of, mission_with, replaced, shipped
 from tests.kit.records import with_vehicle
+from vfguide.companion.core import Companion
 from vfguide.companion.mission_plan import airframe_of
 from vfguide.companion.role import Snapshot
 from vfguide.companion.supervisor import Mode
@@ -25,7 +26,7 @@ from vfguide.errors import InputError
 from vfguide.formation.arrangement import Arrangement, Point, SlotMove
 from vfguide.formation.orders import Formation
 from vfguide.formation.transition import RefusedOrderError
-from vfguide.lab.rehearsal.aircraft import emulator_of
+from vfguide.lab.rehearsal.aircraft import Aircraft, emulator_of
 from vfguide.lab.rehearsal.live import emulator_command
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
 from vfguide.lab.rehearsal.recorder import VehicleRecorder, drawn_outlines, rally_points
@@ -33,6 +34,7 @@ from vfguide.lab.studies import prediction
 from vfguide.lab.studies.flown import article_mission
 from vfguide.lab.studies.order import BEHIND_M, starts_of_joining
 from vfguide.lab.studies.prediction import fence_left, from_the_slots
+from vfguide.link.order_codec import ORDER_MAGIC
 from vfguide.mission import Mission
 from vfguide.mission.feasibility import follower_start, leader_start
 from vfguide.mission.order_plan import LeaderPlace
@@ -339,3 +341,25 @@ def test_rally_points_of_a_plan_are_drawn():
     assert points.north_m.tolist() == north.tolist()
     assert points.east_m.tolist() == east.tolist()
     assert north.size > 0
+
+
+def test_who_is_without_a_companion_misses_its_orders_and_keeps_its_pilot(monkeypatch):
+    heard: list[bytes] = []
+    monkeypatch.setattr(
+        Companion, "receive_order", lambda _self, data, *_, **__: heard.append(data[4:])
+    )
+    losses = [
+        {"vehicle": "f1", "what": "companion", "at_s": 5.0, "for_s": 10.0},
+        {"vehicle": "f1", "what": "guidance", "at_s": 7.0, "for_s": 4.0},
+    ]
+    mission = mission_with("line-calm", rehearsal={"losses": losses})
+    orders = [(time_s, ORDER_MAGIC + b"%d" % time_s) for time_s in (2, 8, 18)]
+    aircraft = Aircraft(mission, "f1", orders=orders)
+    modes = []
+    for step in range(401):
+        aircraft.step(0.05 * step, [])
+        modes.append(aircraft.emulator.truth().mode)
+    assert heard == [b"2", b"18"]
+    before, taken, back = (modes[20 * second] for second in (6, 10, 14))
+    assert taken == "LOITER"
+    assert back == before

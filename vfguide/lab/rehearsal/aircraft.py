@@ -314,16 +314,17 @@ class Aircraft:
 
         The link gets the others' mail now, and delivers it later or loses it.
         """
-        if self.loses("companion", now):
-            self._fly_alone(now)
-            return []
-        alone = self.loses("link", now)
-        companion, emulator = self.companion, self.emulator
+        gone = self.loses("companion", now)
+        alone = gone or self.loses("link", now)
         while self._orders and self._orders[0][0] <= now + ROUNDING_S:
             order = self._orders.popleft()[1]
             self._link.send([] if alone else [(OPERATOR, order)], now)
-        self._hear(now, [] if alone else mail)
         self._turn_switch(now)
+        if gone:
+            self._fly_alone(now)
+            return []
+        companion, emulator = self.companion, self.emulator
+        self._hear(now, [] if alone else mail)
         telemetry = self._replies + emulator.advance(now)
         truth = emulator.truth()
         out = companion.receive_mavlink(telemetry, now)
