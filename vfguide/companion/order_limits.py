@@ -44,15 +44,20 @@ def age_objection(order: Arrangement, time_s: float) -> str | None:
     """Return why an abort is not current; None if it is, or if the time is unknown (NaN)."""
     off_s = time_s - order.time_s
     if abs(off_s) > ABORT_S:
-        return f"it calls everything off, and its time is {off_s:.0f} s ago: give it again"
+        return f"it calls everything off, and its time is {when(off_s)}: give it again"
     return None
+
+
+def when(passed_s: float) -> str:
+    """Return for how long a time has passed, s; it is ahead where that is negative."""
+    return f"{abs(passed_s):.0f} s {'ahead' if passed_s < 0.0 else 'ago'}"
 
 
 def time_objection(order: Arrangement, time_s: float) -> str | None:
     """Return why an order is too early or late at a time of the formation's clock, s; None if it is not."""
     ahead_s = order.time_s - time_s
     if not SOONEST_S <= ahead_s <= LATEST_S:
-        return f"its time is {ahead_s:.0f} s ahead, not {SOONEST_S:g} to {LATEST_S:g} s"
+        return f"its time is {when(-ahead_s)}, not {SOONEST_S:g} to {LATEST_S:g} s ahead"
     return None
 
 

@@ -10,7 +10,13 @@ from tests.kit.missions import content_of, plan_of
 from tests.kit.orders import NAMES, SLOTS, Formation, begun, further, moves, order_of, ordered
 from vfguide.companion.arrangements import Arrangements
 from vfguide.companion.mission_plan import flight_plan
-from vfguide.companion.order_limits import ceiling_objection, climb_objection, slot_objection
+from vfguide.companion.order_limits import (
+    age_objection,
+    ceiling_objection,
+    climb_objection,
+    slot_objection,
+    time_objection,
+)
 from vfguide.companion.ordered_flight import RouteEnd
 from vfguide.companion.plan import FlightPlan, FollowerTask, KnownPath, LeadPlan
 from vfguide.companion.steering import SetpointGuard
@@ -46,6 +52,13 @@ Flown = tuple[float, float, bool]
 
 def along(first: int, last: int, *, off: float = 0.0, steered: bool = True) -> list[Flown]:
     return [(float(run), off, steered) for run in range(first, last)]
+
+
+@pytest.mark.parametrize(("off_s", "told"), [(700.0, "700 s ahead"), (-700.0, "700 s ago")])
+def test_an_order_of_another_time_is_said_to_be_ahead_or_past(off_s, told):
+    order = order_of(time_s=1000.0 + off_s, flown=Manoeuvre.ABORT)
+    assert f"its time is {told}" in str(age_objection(order, 1000.0))
+    assert f"its time is {told}, not 1 to" in str(time_objection(order, 1000.0))
 
 
 @pytest.mark.parametrize(
