@@ -305,6 +305,9 @@ class _LeaderPlan:
                 height=target.height, climb_rate=target.climb_rate, ahead=target.height
             )
             motion = changed_height(motion, planned, time_s - step, self._limits)
+            if motion.is_at(planned):
+                self._change = None
+                return place
         return replace(place, height=motion.height, climb_rate=motion.climb_rate)
 
     def hold(self, leader: LeaderPlace) -> None:

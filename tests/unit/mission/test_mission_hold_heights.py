@@ -9,8 +9,9 @@ import pytest
 from tests.kit.missions import content_of, replaced
 from vfguide.formation.orders import Order
 from vfguide.formation.transition import RefusedOrderError
+from vfguide.guidance.height import HeightMotion, changed_height
 from vfguide.lab.studies.order import rehearsed
-from vfguide.mission import check_mission
+from vfguide.mission import check_mission, order_plan
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import (
     LeaderPlace,
@@ -83,6 +84,27 @@ def test_a_hold_in_the_middle_of_a_change_of_height_counts_from_where_that_comes
     )
     with refused_as(sentence):
         assert len(timetable(mission)) == 2
+
+
+def test_a_hold_a_day_after_a_change_of_height_is_worked_out_from_the_end_of_that(monkeypatch):
+    """From 200 m to 100 m at 1.5 m/s is done in 70 s, and closed within 4 s more; each second is a step."""
+    steps = []
+
+    def counted(*values: Any) -> HeightMotion:
+        steps.append(1)
+        return changed_height(*values)
+
+    monkeypatch.setattr(order_plan, "changed_height", counted)
+    corners = [{"north_m": 0, "east_m": 0}, {"north_m": 9000, "east_m": 9000}]
+    mission = replaced(
+        "shapes",
+        path={"type": "waypoints", "waypoints": [{**corner, "up_m": 100} for corner in corners]},
+        paths={"low": {"type": "waypoints", "waypoints": corners}},
+        orders=[{"at_s": 10, "path": "low"}, {"at_s": 86_400, "action": "hold"}],
+        fence={"max_height_m": 246},
+    )
+    assert len(timetable(mission)) == 2
+    assert 60 < len(steps) < 90
 
 
 @pytest.mark.parametrize(
