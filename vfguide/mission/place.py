@@ -65,6 +65,19 @@ class MissionFrame(Section):
         return LocalFrame(self.latitude_deg, self.longitude_deg, self.altitude_amsl_m)
 
 
+def needed(frame: MissionFrame | None) -> MissionFrame:
+    """Return the frame of a mission.
+
+    Raises:
+        PydanticCustomError: the mission's origin is missing or invalid.
+    """
+    if frame is None:
+        raise PydanticCustomError(
+            "frame", "needs the mission's origin, which is missing or invalid"
+        )
+    return frame
+
+
 class Place(Section):
     """A point on the ground: `north_m` and `east_m`, or `latitude_deg` and `longitude_deg`."""
 
@@ -91,10 +104,14 @@ class Place(Section):
         return self
 
     def local(self, frame: MissionFrame | None) -> tuple[float, float]:
-        """Return (north, east) in the mission's frame, m."""
-        if self.latitude_deg is None or self.longitude_deg is None or frame is None:
+        """Return (north, east) in the mission's frame, m.
+
+        Raises:
+            PydanticCustomError: it is given by latitude and longitude, and there is no frame.
+        """
+        if self.latitude_deg is None or self.longitude_deg is None:
             return self.north_m or 0.0, self.east_m or 0.0
-        return frame.local.to_local(self.latitude_deg, self.longitude_deg)
+        return needed(frame).local.to_local(self.latitude_deg, self.longitude_deg)
 
 
 class FencePolygon(Section):

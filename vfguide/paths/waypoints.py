@@ -19,7 +19,7 @@ from vfguide.errors import InputError
 from vfguide.mission import quantity
 from vfguide.mission.finding import Misfit
 from vfguide.mission.flight_path import PathShape, shape_of
-from vfguide.mission.place import MOST_WAYPOINTS, Fence, MissionFrame, Place
+from vfguide.mission.place import MOST_WAYPOINTS, Fence, MissionFrame, Place, needed
 from vfguide.mission.plan_file import read_plan
 from vfguide.mission.quantity import NotNegative, Section
 from vfguide.paths.chain import Chain, ChainedPath
@@ -80,9 +80,10 @@ class Waypoint(Place):
 
     def up(self, frame: MissionFrame | None) -> float:
         """Return the height above the mission's flying height, m."""
-        if self.altitude_amsl_m is None or frame is None:
+        if self.altitude_amsl_m is None:
             return self.up_m
-        return self.altitude_amsl_m - frame.altitude_amsl_m - frame.height_above_origin_m
+        base = needed(frame)
+        return self.altitude_amsl_m - base.altitude_amsl_m - base.height_above_origin_m
 
 
 def _round_something(radius_m: float) -> float:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from pydantic import ValidationError
 
 from tests.kit.missions import (
     MISSIONS,
@@ -424,3 +425,17 @@ def test_the_edge_of_an_area_is_closed():
     north, east = FenceCircle.model_validate(around).edge(None)
     assert (north[0], east[0]) == pytest.approx((north[-1], east[-1]))
     assert np.hypot(north - 10.0, east - 20.0) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("height", [{}, {"altitude_amsl_m": 600.0}])
+def test_a_wrong_origin_is_all_that_is_wrong_with_the_waypoints_that_need_it(height):
+    waypoints = [
+        {"latitude_deg": 47.4 + step, "longitude_deg": 8.5, **height} for step in (0, 0.01)
+    ]
+    path = {"type": "waypoints", "waypoints": waypoints, "radius_m": 200.0}
+    origin = {"latitude_deg": 100.0, "longitude_deg": 8.5, "altitude_amsl_m": 488.0}
+    with pytest.raises(ValidationError) as refused:
+        replaced("circle-calm", path=path, origin=origin)
+    first, second = refused.value.errors()
+    assert first["loc"] == ("origin", "latitude_deg")
+    assert second["msg"] == "needs the mission's origin, which is missing or invalid"
