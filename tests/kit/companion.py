@@ -11,7 +11,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
 from sitl_stub import Autopilot
 from tests.kit.autopilot import new_autopilot
-from tests.kit.missions import mission_with, shipped
+from tests.kit.missions import mission_with, shipped, with_vehicle
 from tests.kit.states import FRAME
 from tests.kit.wire import command_long, number_of, packed, parsed, spoken
 from vfguide.companion.consent import ConsentStore, MemoryStore
@@ -136,8 +136,10 @@ class Flight:
     _under_way: list[tuple[float, bytes]] = field(default_factory=list)
     _steps: int = 0
 
-    def run(self, until_s: float) -> None:
-        """Fly on, both sides taking turns."""
+    def run(self, until_s: float, **parts: Any) -> None:
+        """Fly on, both sides taking turns, with some parts otherwise from now on."""
+        for name, part in parts.items():
+            setattr(self, name, part)
         while self._steps / RATE_HZ <= until_s:
             self.now = self._steps / RATE_HZ
             for name, data in self.neighbours(self.now).items():
@@ -201,6 +203,20 @@ class Flight:
         """The mode in which the autopilot is, by the name that both kinds have for it."""
         mode = self.autopilot.truth().mode
         return PX4_NAMES.get(mode, mode)
+
+    @property
+    def mode(self) -> Mode:
+        """What the companion does."""
+        return self.modes[-1][1]
+
+    @property
+    def state(self) -> tuple[Mode, str]:
+        """What the companion does, and the mode in which its autopilot is."""
+        return self.mode, self.autopilot_mode
+
+    def told(self, words: str = "", from_s: float = -1.0) -> list[str]:
+        """What was logged with these words in it after a time."""
+        return [text for time, text in self.events if words in text and time > from_s]
 
     def command(self, number: int, *parameters: float) -> None:
         """Somebody else on the network commands the autopilot."""
@@ -286,13 +302,9 @@ def new_flight(
     The leader's path is the line that it flies: north from the origin. The flight begins, or has gone on
     until a time; `parts` as of Flight.
     """
-    mission = mission_with(
-        "line-calm",
-        path={"course_deg": 0.0},
-        patience=patience or {},
-        rehearsal={"rate_hz": RATE_HZ},
-    )
-    declared = mission.vehicles[vehicle].model_copy(update={"autopilot": kind})
+    northward = {"path": {"course_deg": 0.0}, "rehearsal": {"rate_hz": RATE_HZ}}
+    mission = mission_with("line-calm", patience=patience or {}, **northward)
+    declared = with_vehicle(mission, vehicle, autopilot=kind).vehicles[vehicle]
     kept = store or MemoryStore()
 
     def companion() -> Companion:
@@ -337,13 +349,11 @@ def companion_of(
         plant: another than the mission's.
         options: of the companion.
     """
-    mission = mission or shipped("line-calm")
     given = {"autopilot": autopilot, "plant": plant}
     changes = {name: value for name, value in given.items() if value is not None}
-    declared = mission.vehicles[vehicle].model_copy(update=changes)
-    vehicles = {**mission.vehicles, vehicle: declared}
-    plan = plan or flight_plan(mission.model_copy(update={"vehicles": vehicles}), vehicle)
-    return Companion(plan, adapter_of(declared), engage=engage, **options)
+    mission = with_vehicle(mission or shipped("line-calm"), vehicle, **changes)
+    plan = plan or flight_plan(mission, vehicle)
+    return Companion(plan, adapter_of(mission.vehicles[vehicle]), engage=engage, **options)
 
 
 def assert_left_alone(flown: Flight, mode: str, *, since_s: float = -1.0) -> None:

@@ -54,6 +54,13 @@ def replaced(name: str | Mission, /, **sections: Any) -> Mission:
     return Mission.model_validate(content_of(name) | sections)
 
 
+def with_vehicle(name: str | Mission, vehicle: str, /, **fields: Any) -> Mission:
+    """Make a mission as valid as if its file said so, with fields of one vehicle otherwise."""
+    content = content_of(name)
+    content["vehicles"][vehicle] |= fields
+    return Mission.model_validate(content)
+
+
 def in_place(name: str, **rehearsal: Any) -> Mission:
     """Make a mission that comes along with everyone in the slot at the beginning."""
     return mission_with(name, rehearsal={"start": IN_PLACE, **rehearsal})

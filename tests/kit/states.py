@@ -2,10 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 from msgspec.structs import replace
 
+from vfguide.companion.possibilities import Viewpoint
 from vfguide.frames import LocalFrame
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.sliding_laws import GuidanceSettings, ObserverGains, SlidingGains, SpeedSource
@@ -114,6 +115,13 @@ def reported(
         velocity_east=velocity[1],
         heading=heading,
     )
+
+
+def view(time_s: float, north: float = 0.0, east: float = 0.0, **changes: Any) -> Viewpoint:
+    """Make the view of a vehicle that flies north at 20 m/s in calm air, 588 m high."""
+    flight = {"velocity": 20.0 + 0j, "wanted": 20.0 + 0j, "wind": 0j, "astray": 0.0}
+    height = {"altitude_amsl": 588.0, "climb_rate": 0.0, "reaction_s": 2.0}
+    return Viewpoint(time_s=time_s, place=complex(north, east), **(flight | height | changes))
 
 
 def circling(time_s: float) -> LeaderState:

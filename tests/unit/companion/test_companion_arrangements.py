@@ -1,7 +1,4 @@
-"""Orders are agreed on by all or change nobody, whatever the link loses; who missed one hears of it.
-
-What calls everything off is flown at once, and nothing brings the formation back.
-"""
+"""Orders are agreed on by all or change nobody, whatever is lost; an abort is flown at once by itself."""
 
 import math
 from random import Random
@@ -86,7 +83,10 @@ def test_a_narrower_slot_narrows_what_its_vehicle_is_steered_by():
     assert vehicle.role.followed.stories.most_m == vehicle.own.belief.most_m
 
 
-ALL = frozenset({"leader", "f1", "f2", "f3"})
+ALL = frozenset(NAMES)
+F1_MOVES = order_of(*moves({"f1": Point(-90, 0)} | STAYING))
+WITHOUT_F3 = order_of(*moves({name: SLOTS[name] for name in ("f1", "f2")}))
+"""Orders in which only f1 moves, and in which f3 is dismissed."""
 
 
 @pytest.mark.parametrize(
@@ -96,11 +96,11 @@ ALL = frozenset({"leader", "f1", "f2", "f3"})
         # Two whose slots move are silent: nothing goes without them.
         (further(SLOTS), {"leader", "f1"}, True, ["f2", "f3"]),
         # One whose slot stays is silent: it is waited for, and then most of them decide.
-        (order_of(*moves({"f1": Point(-90, 0)} | STAYING)), ALL - {"f3"}, False, ["f3"]),
-        (order_of(*moves({"f1": Point(-90, 0)} | STAYING)), ALL - {"f3"}, True, []),
-        (order_of(*moves({"f1": Point(-90, 0)} | STAYING)), {"leader", "f1"}, True, ["f2", "f3"]),
+        (F1_MOVES, ALL - {"f3"}, False, ["f3"]),
+        (F1_MOVES, ALL - {"f3"}, True, []),
+        (F1_MOVES, {"leader", "f1"}, True, ["f2", "f3"]),
         # Who is dismissed is not asked.
-        (order_of(*moves({name: SLOTS[name] for name in ("f1", "f2")})), ALL - {"f3"}, False, []),
+        (WITHOUT_F3, ALL - {"f3"}, False, []),
         # Who is to lead has to agree, wherever its slot is.
         (order_of(*moves(dict(SLOTS)), lead="f2"), ALL - {"f2"}, True, ["f2"]),
     ],
@@ -113,10 +113,8 @@ def test_a_follower_that_says_nothing_does_not_keep_the_others_from_dismissing_i
     formation = begun(silent={"f3"})
     # It is heard flying by its slot all the same.
     formation.members["leader"].hear("f3", heard(5.0, 0), 5.0)
-    formation.give(order_of(*moves({name: SLOTS[name] for name in ("f1", "f2")})), until_s=12.0)
-    assert {name: formation.flown[name] for name in ("leader", "f1", "f2")} == dict.fromkeys(
-        ("leader", "f1", "f2"), 1
-    )
+    formation.give(WITHOUT_F3, until_s=12.0)
+    assert [formation.flown[name] for name in ("leader", "f1", "f2")] == [1, 1, 1]
 
 
 @pytest.mark.parametrize(
@@ -142,10 +140,9 @@ def test_in_a_formation_of_two_the_other_one_is_waited_for_after_a_start_and_no_
     plan = plan_of(vehicle="leader")
     pair = replace(plan, others=tuple(one for one in plan.others if one.name == "f1"))
     leader = Arrangements(pair, SAME_CLOCK)
-    leader.hear("f1", heard(5.0, 2**32 - 1), 5.0)
-    assert leader.waits(5.0)
-    leader.hear("f1", heard(25.1, 2**32 - 1), 25.1)
-    assert not leader.waits(25.1)
+    for now, waits in ((5.0, True), (25.1, False)):
+        leader.hear("f1", heard(now, 2**32 - 1), now)
+        assert leader.waits(now) is waits
 
 
 @pytest.mark.parametrize("deaf", NAMES)
@@ -176,14 +173,12 @@ def test_whatever_is_lost_all_fly_the_same_in_the_end_and_no_order_without_all_a
 
 
 def test_one_that_cannot_is_asked_once_and_says_why_and_nobody_changes():
-    formation = begun()
     ends = {name: Point(slot.forward + 200.0, slot.right + 300.0) for name, slot in SLOTS.items()}
-    formation.give(order_of(*moves(ends)), until_s=30.0)
+    formation = ordered(order_of(*moves(ends)), until_s=30.0)
     assert formation.flown == dict.fromkeys(NAMES, 0)
     # 200 m in 10 s at 1/0.7 of the mean beside 20 m/s: 48.6 m/s.
-    assert "order 1 is refused: f1 would have to fly 48.6 m/s, and its limit is 32 m/s" in (
-        formation.words
-    )
+    refused = "order 1 is refused: f1 would have to fly 48.6 m/s, and its limit is 32 m/s"
+    assert refused in formation.words
 
 
 @pytest.mark.parametrize(
@@ -192,10 +187,7 @@ def test_one_that_cannot_is_asked_once_and_says_why_and_nobody_changes():
         (further(SLOTS, time_s=5.5), "its time is 0 s ahead"),
         (further(SLOTS, time_s=500.0), "its time is 495 s ahead"),
         (order_of(*moves({"f9": Point(0, 9)}, {"f9": Point(0, 9)})), "f9 is no follower"),
-        (
-            order_of(*moves({"f1": Point(-50, 0)}, {"f1": Point(-90, 0)})),
-            "f1 is to begin -90 m ahead of",
-        ),
+        (order_of(*moves({"f1": LEFT}, {"f1": Point(-90, 0)})), "f1 is to begin -90 m ahead of"),
         (
             order_of(*moves({"f2": LEFT, "f3": RIGHT}, {"f2": RIGHT, "f3": LEFT})),
             "f2 and f3 would come within 0.0 m of each other 5 s after its beginning",
@@ -216,8 +208,7 @@ def test_a_wrong_order_is_refused_with_its_reason(order, sentence):
     ],
 )
 def test_slots_come_near_the_one_of_a_vehicle_only_once_it_has_joined(joining_m, spacing, sentence):
-    slot = SLOTS["f1"]
-    member = member_of()
+    slot, member = SLOTS["f1"], member_of()
     member.joining_m = joining_m
     nearer = moves({"f1": Point(spacing * slot.forward, spacing * slot.right)})
     assert_refused(member, order_of(*nearer), sentence)
@@ -227,10 +218,9 @@ def test_slots_come_near_the_one_of_a_vehicle_only_once_it_has_joined(joining_m,
 def test_a_companion_that_was_restarted_waits_until_the_order_is_repeated(restarted):
     formation = ordered(further(SLOTS), until_s=30.0)
     formation.start(restarted)
-    formation.run(30.3)
-    assert formation.members[restarted].waits(30.3)
-    formation.run(34.0)
-    assert not formation.members[restarted].waits(34.0)
+    for now, waits in ((30.3, True), (34.0, False)):
+        formation.run(now)
+        assert formation.members[restarted].waits(now) is waits
     assert formation.flown == dict.fromkeys(NAMES, 1)
 
 
@@ -241,9 +231,8 @@ def test_an_old_order_is_not_flown_again():
 
 
 def test_who_has_no_place_leaves_and_comes_back_by_another_order():
-    formation = begun()
     stay = moves({name: SLOTS[name] for name in ("f1", "f3")})
-    formation.give(order_of(*stay, across_s=6.0), until_s=20.0)
+    formation = ordered(order_of(*stay, across_s=6.0), until_s=20.0)
     assert [name for name in NAMES if formation.members[name].flight.has_left] == ["f2"]
     assert formation.members["f2"].obstacle(20.0) == "ordered out of the formation"
     assert formation.members["f1"].obstacle(20.0) is None
@@ -254,9 +243,7 @@ def test_who_has_no_place_leaves_and_comes_back_by_another_order():
 
 
 def test_an_operator_that_asks_hears_the_order_that_is_flown():
-    formation = begun()
-    member = formation.members["leader"]
-    formation.give(further(SLOTS), until_s=30.0)
+    member = ordered(further(SLOTS), until_s=30.0).members["leader"]
     asks = encode_reply(Reply(number=0, verdict=Verdict.UNKNOWN))
     for time_s in (30.0, 30.5):
         member.receive_reply("operator", asks, time_s)
@@ -286,9 +273,8 @@ def test_one_that_took_an_order_for_void_flies_it_once_the_others_do():
     # Its own clock alone has brought it here: a leader whose states come late says nothing of the order.
     formation.members["f2"].hear("leader", heard(10.4, 0), 10.4)
     formation.run(10.7)
-    assert "order 1 is void: the leader has not confirmed it; all fly on as before" in (
-        formation.words
-    )
+    void = "order 1 is void: the leader has not confirmed it; all fly on as before"
+    assert void in formation.words
     lost.clear()
     formation.run(14.0)
     assert formation.flown == dict.fromkeys(NAMES, 1)
@@ -358,19 +344,24 @@ def test_a_leader_whose_computer_was_started_anew_flies_the_order_that_all_other
     data = encode_order(further(SLOTS, number=7, time_s=100010.0))
     leader.receive_order(data, data, 20.0, repeated=True)
     assert not leader.waits(20.0)
-    slot = leader.flight.slot("f1", 20.0)
-    assert slot.forward == 1.5 * SLOTS["f1"].forward
+    assert leader.flight.slot("f1", 20.0).forward == 1.5 * SLOTS["f1"].forward
+
+
+def given_apart(first: bytes, second: bytes, *, to: str, both: bool) -> Formation:
+    """Make a formation of which one is given the second order (first), the others the first one."""
+    formation = begun()
+    for name, member in formation.members.items():
+        orders = (second, first) if name == to else (first, second)
+        for data in orders if both else orders[:1]:
+            member.receive_order(data, data, 5.0)
+    formation.run(60.0)
+    return formation
 
 
 def test_two_orders_of_one_number_are_not_both_flown():
-    formation = begun()
-    first, second = (
-        encode_order(replace(further(SLOTS), across_s=across_s)) for across_s in (10.0, 12.0)
-    )
-    for name, member in formation.members.items():
-        for data in (second, first) if name == "f1" else (first, second):
-            member.receive_order(data, data, 5.0)
-    formation.run(60.0)
+    slow = replace(further(SLOTS), across_s=12.0)
+    first, second = encode_order(further(SLOTS)), encode_order(slow)
+    formation = given_apart(first, second, to="f1", both=True)
     assert formation.flown == dict.fromkeys(NAMES, 0)
     for check in (check_of(first), check_of(second)):
         verdicts = {reply.verdict for _, reply in formation.said if reply.check == check}
@@ -379,18 +370,10 @@ def test_two_orders_of_one_number_are_not_both_flown():
 
 
 def test_who_holds_another_order_of_the_number_that_the_leader_confirms_flies_the_leaders():
-    formation = begun()
-    out = {name: Point(1.5 * slot.forward, slot.right) for name, slot in SLOTS.items()}
-    kept = {name: slot for name, slot in SLOTS.items() if name != "f1"}
-    lone = {name: slot for name, slot in SLOTS.items() if name != "f3"}
     given, other = (
-        encode_order(order_of(*moves(rest | {name: out[name]})))
-        for rest, name in ((kept, "f1"), (lone, "f3"))
+        encode_order(order_of(*moves(SLOTS | {name: AWAY[name]}))) for name in ("f1", "f3")
     )
-    for name, member in formation.members.items():
-        data = other if name == "f3" else given
-        member.receive_order(data, data, 5.0)
-    formation.run(30.0)
+    formation = given_apart(given, other, to="f3", both=False)
     checks = {name: one.flight.order.check for name, one in formation.members.items()}
     assert checks == dict.fromkeys(NAMES, check_of(given))
 
@@ -401,9 +384,8 @@ def test_a_leader_that_nobody_hears_flies_no_order_alone():
 
     formation = ordered(further(SLOTS), until_s=60.0, lost=lost)
     assert formation.flown == dict.fromkeys(NAMES, 0)
-    assert "order 1 is void: nobody has heard that it is confirmed; all fly on as before" in (
-        formation.words
-    )
+    void = "order 1 is void: nobody has heard that it is confirmed; all fly on as before"
+    assert void in formation.words
 
 
 def led_by_any(vehicle: str) -> FlightPlan:
@@ -480,9 +462,9 @@ def test_a_slot_that_moves_faster_than_its_aircraft_is_refused(to, layer, climb_
 
 
 def hold_of(radius_m: float, away_deg: float) -> Arrangement:
-    latitude_deg, longitude_deg = plan_of().frame.origin
+    latitude, longitude = plan_of().frame.origin
     circle = HoldCircle(
-        latitude_deg=latitude_deg + away_deg, longitude_deg=longitude_deg, radius_m=radius_m
+        latitude_deg=latitude + away_deg, longitude_deg=longitude, radius_m=radius_m
     )
     return order_of(flown=Manoeuvre.HOLD, circle=circle)
 
@@ -511,14 +493,9 @@ def assert_refused(member: Arrangements, order: Arrangement, sentence: str | Non
 
 
 def test_an_order_may_be_given_while_slots_still_move_that_are_at_rest_at_its_time():
-    formation = begun()
-    first = further(SLOTS)
-    formation.give(first)
     # They move from 10 s to 20 s.
-    formation.run(16.0)
-    formation.give(
-        further({one.vehicle: one.end for one in first.places}, number=2, time_s=20.5), until_s=21.0
-    )
+    formation = ordered(further(SLOTS), until_s=16.0)
+    formation.give(further(AWAY, number=2, time_s=20.5), until_s=21.0)
     assert formation.flown == dict.fromkeys(NAMES, 2)
 
 
@@ -529,16 +506,11 @@ def test_an_abort_is_flown_at_once_without_answers():
     assert all(member.flight.has_left for member in formation.members.values())
 
 
-UNKNOWN = SharedClock(from_own=lambda _: math.nan)
-
-
 @pytest.mark.parametrize(
     ("clock", "given_s", "flown"),
     [
-        (SAME_CLOCK, 69.0, False),
-        (SAME_CLOCK, 71.0, True),
-        (SAME_CLOCK, 131.0, False),
-        (UNKNOWN, 1e6, True),
+        *((SAME_CLOCK, given_s, given_s == 71.0) for given_s in (69.0, 71.0, 131.0)),
+        (SharedClock(from_own=lambda _: math.nan), 1e6, True),
     ],
 )
 def test_an_abort_is_of_now_where_a_time_is_known(clock, given_s, flown):
@@ -574,16 +546,14 @@ def test_an_abort_is_flown_whatever_its_number(number, now):
 
 def test_after_an_abort_the_height_of_the_slot_is_the_one_that_it_had():
     begin = SLOTS["f1"]
-    end = Point(begin.forward, begin.right, 6.0)
-    place = SlotMove(vehicle="f1", begin=begin, end=begin, layer=20.0)
-    order = order_of(replace(place, end=end), climb_s=20.0)
+    stays = SlotMove(vehicle="f1", begin=begin, end=begin)
+    rises = replace(stays, end=replace(begin, up=6.0), layer=20.0)
     member = member_of()
     member.hear("leader", heard(10.0, 1), 10.0)
-    member.receive_order(encode_order(order), b"", 10.0)
+    member.receive_order(encode_order(order_of(rises, climb_s=20.0)), b"", 10.0)
     # Half of its way into the layer, and the abort tells the mission's slot.
-    back = abort(SlotMove(vehicle="f1", begin=begin, end=begin), number=2, time_s=20.0)
     assert member.own_up(20.0) == pytest.approx(10.0)
-    member.receive_order(encode_order(back), b"", 20.0)
+    member.receive_order(encode_order(abort(stays, number=2, time_s=20.0)), b"", 20.0)
     assert member.own_up(60.0) == pytest.approx(10.0)
 
 

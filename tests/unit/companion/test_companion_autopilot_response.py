@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from tests.kit.companion import Flight, companion_of, new_flight
 from tests.kit.flight import fly
-from tests.kit.missions import plan_of, shipped
+from tests.kit.missions import plan_of, shipped, with_vehicle
 from tests.kit.states import reported
 from vfguide.commands.check import lowered_in
 from vfguide.companion.guided_vehicle import lowered_gains
@@ -88,9 +88,8 @@ def test_what_the_parameters_leave_open_is_said(asking, told, words):
 
 
 def test_a_roll_that_the_mission_does_not_declare_is_the_autopilot_s_and_no_other(asking):
-    told = AutopilotResponse(
-        alpha=0.9, beta=1.5, course_dead_time=0.2, course_lag=0.4, speed_hold="total-energy"
-    )
+    roll = {"course_dead_time": 0.2, "course_lag": 0.4}
+    told = AutopilotResponse(alpha=0.9, beta=1.5, speed_hold="total-energy", **roll)
     airframe = flown_by(asking, told).airframe
     assert (airframe.course_dead_time, airframe.course_lag) == (0.2, 0.4)
     assert airframe.speed_hold == "total-energy"
@@ -109,10 +108,8 @@ def test_a_limit_that_is_tighter_is_told_whatever_else_is_known(asking, known):
     """0.5 rad are 28.6 degrees; the slot beside a straight path takes no bank."""
     told = AutopilotResponse(max_bank=0.5, **known)
     sentence = response_sentence(told, asking, flown_by(asking, told))
-    assert sentence.endswith(
-        "tighter than the mission's limits: 29 degrees of bank, not 45; less is left to come back to the"
-        " slot with"
-    )
+    limits = "tighter than the mission's limits: 29 degrees of bank, not 45"
+    assert sentence.endswith(f"{limits}; less is left to come back to the slot with")
     assert "nothing to do" not in sentence
 
 
@@ -129,15 +126,8 @@ def test_an_autopilot_that_cannot_hold_the_slot_is_told_and_speaks_against_takin
 
 
 def test_limits_are_the_tighter_of_both(asking):
-    told = AutopilotResponse(
-        alpha=0.5,
-        beta=0.4,
-        airspeed_min=14.0,
-        airspeed_max=40.0,
-        max_bank=0.5,
-        climb_max=2.5,
-        sink_max=6.0,
-    )
+    limits = {"airspeed_min": 14.0, "airspeed_max": 40.0, "climb_max": 2.5, "sink_max": 6.0}
+    told = AutopilotResponse(alpha=0.5, beta=0.4, max_bank=0.5, **limits)
     airframe = flown_by(asking, told).airframe
     assert (airframe.climb_max, airframe.sink_max) == (2.5, asking.airframe.sink_max)
     assert (airframe.alpha, airframe.beta, airframe.max_bank) == (0.5, 0.4, 0.5)
@@ -151,9 +141,7 @@ def test_what_is_not_told_and_limits_that_exclude_each_other_stay_as_declared(as
 
 def found_out(**changes: str) -> FlightPlan:
     """The part of f1 in a mission that leaves it to be found out."""
-    said = shipped("line-calm")
-    vehicle = said.vehicles["f1"].model_copy(update={"slips": "auto", **changes})
-    return flight_plan(said.model_copy(update={"vehicles": {**said.vehicles, "f1": vehicle}}), "f1")
+    return flight_plan(with_vehicle("line-calm", "f1", slips="auto", **changes), "f1")
 
 
 @pytest.fixture
@@ -174,10 +162,10 @@ def test_until_it_is_known_it_is_flown_as_one_that_slips_and_a_declared_alpha_st
 
 
 def test_one_that_does_not_slip_is_flown_as_if_the_mission_said_so(finding):
-    words, found = ResponseLearner().step(finding, turns(1.0), 0.0, bank_heard=True)
-    assert words == [
+    (words,), found = ResponseLearner().step(finding, turns(1.0), 0.0, bank_heard=True)
+    assert words == (
         "it turns 1.00 of what its bank says: it does not slip, and is flown so; nothing to do"
-    ]
+    )
     assert not found.slips
     assert found.airframe == plan_of().airframe
 
@@ -212,11 +200,8 @@ def test_nothing_changes_before_parameters_are_told_or_where_the_mission_says_it
 
 
 def test_without_a_bank_the_pilot_hears_so_once(finding):
-    learner = ResponseLearner()
-    told = [
-        learner.step(finding, TurnEfficiency(), float(now), bank_heard=False)[0]
-        for now in range(60)
-    ]
+    learner, silence = ResponseLearner(), TurnEfficiency()
+    told = [learner.step(finding, silence, float(now), bank_heard=False)[0] for now in range(60)]
     assert [now for now, words in enumerate(told) if words] == [20]
     assert "no ATTITUDE is heard" in str(told[20])
 

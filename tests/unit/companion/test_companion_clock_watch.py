@@ -143,23 +143,17 @@ def test_a_clock_that_stutters_again_and_again_is_told_once_in_a_flight():
     assert text.endswith("s and catches up: the computer it runs on is busy")
 
 
-def test_a_long_stutter_that_is_made_up_for_within_a_second_is_no_lost_time():
-    assert heard(Hiccup(at=30.0, depth=0.5, regained=0.6).lag) == []
-
-
 @pytest.mark.parametrize("answers", [True, False])
-@pytest.mark.parametrize("lost_s", [0.3, 1.0, 5.0])
+@pytest.mark.parametrize("lost_s", [0.2, 0.3, 1.0, 5.0])
 def test_lost_time_is_told_within_3_s_with_its_figure(lost_s, answers):
     ((time_s, text),) = heard(slip(lost_s, 60.0), answers=answers)
     assert 60.0 + lost_s < time_s < 63.0 + lost_s
     assert f"has lost {lost_s:.1f} s" in text
 
 
-def test_the_least_that_is_told_is_a_fifth_of_a_second():
-    ((time_s, text),) = heard(slip(0.2, 60.0))
-    assert 60.2 < time_s < 63.2
-    assert "has lost 0.2 s" in text
-    assert heard(slip(0.17, 60.0)) == []
+@pytest.mark.parametrize("lag", [slip(0.17, 60.0), Hiccup(at=30.0, depth=0.5, regained=0.6).lag])
+def test_less_than_a_fifth_of_a_second_and_what_is_made_up_for_within_a_second_are_not_told(lag):
+    assert heard(lag) == []
 
 
 def test_a_slip_among_hiccups_is_told_with_its_own_figure():
@@ -206,12 +200,11 @@ def test_a_clock_that_runs_slow_from_some_moment_on_is_told_as_a_rate(share):
 
 
 def test_a_clock_that_loses_time_unevenly_and_goes_on_doing_so_is_told_as_lost():
-    """0.4 s every 1.7 s, never made up for."""
-    said = heard(
-        lambda time_s: 0.4 * int(time_s / 1.7) + min(max(time_s % 1.7 - 1.3, 0.0), 0.4),
-        duration_s=60.0,
-    )
-    assert any("has lost" in text for _, text in said)
+    # 0.4 s every 1.7 s, never made up for.
+    def lag(time_s: float) -> float:
+        return 0.4 * int(time_s / 1.7) + min(max(time_s % 1.7 - 1.3, 0.0), 0.4)
+
+    assert any("has lost" in text for _, text in heard(lag, duration_s=60.0))
 
 
 def test_two_clocks_that_drift_apart_lose_no_time():
@@ -219,8 +212,7 @@ def test_two_clocks_that_drift_apart_lose_no_time():
     assert heard(lambda _: 0.0, rate=1.0 - 200e-6, duration_s=1800.0) == []
 
 
-def test_answers_of_an_autopilot_that_reports_no_position_yet_show_no_lost_time():
-    alerts = Alerts()
+def test_answers_of_an_autopilot_that_reports_no_position_yet_show_no_lost_time(alerts):
     clock = OtherClock(CABLE, least_way_s=0.0)
     watch = ClockWatch(clock, alerts)
     for step in range(120):

@@ -3,6 +3,7 @@
 import json
 import os
 from concurrent.futures import wait
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,9 @@ from tests.kit.companion import (
     new_flight,
     without,
 )
-from tests.kit.wire import heartbeat, parsed, position_report, spoken
-from vfguide.companion.consent import Consent, FileStore, MemoryStore, default_directory
+from tests.kit.states import FRAME
+from tests.kit.wire import flown_position, heartbeat, of_type, parsed, position_report, spoken
+from vfguide.companion.consent import Consent, FileStore, default_directory
 from vfguide.companion.supervisor import Mode
 from vfguide.link.member import ELDER
 
@@ -101,7 +103,7 @@ def test_a_companion_that_is_replaced_does_not_take_what_the_pilot_took(mode):
     flown.restart()
     flown.run(20.0)
     assert_left_alone(flown, mode, since_s=10.0)
-    assert flown.mode_at(20.0) is Mode.PILOT
+    assert flown.mode is Mode.PILOT
 
 
 @pytest.mark.parametrize("mode", ["RTL", "AUTO", "FBWA", "MANUAL"])
@@ -115,15 +117,6 @@ def test_a_companion_that_finds_the_aircraft_in_other_hands_leaves_it_there(mode
     assert any("to be steered" in text for _, text in flown.texts())
 
 
-def test_a_deaf_companion_commands_no_mode():
-    flown = new_flight(until_s=10.0)
-    flown.deaf = True
-    flown.run(11.0)
-    flown.pilot("RTL", until_s=40.0)
-    assert_left_alone(flown, "RTL", since_s=10.0)
-    assert flown.later(HEADING, 10.1) == []
-
-
 def test_after_a_hang_nothing_goes_by_what_was_said_meanwhile():
     flown = new_flight(until_s=10.0)
     flown.hang(29.0)
@@ -133,7 +126,7 @@ def test_after_a_hang_nothing_goes_by_what_was_said_meanwhile():
     flown.run(40.0)
     assert flown.later(HEADING, 10.1) == flown.later(SET_MODE, 10.0) == []
     assert flown.mode_at(40.0) is Mode.PILOT
-    assert sum("stood still for 20 s" in text for _, text in flown.events) == 1
+    assert len(flown.told("stood still for 20 s")) == 1
 
 
 def test_a_vehicle_that_is_disarmed_in_the_air_is_not_steered_on():
@@ -155,9 +148,8 @@ def asked(*spans: dict[str, Any], landed: int | None = None) -> list[float]:
     """
     companion, times, now, north = new_flight().companion, [], 0.0, 0.0
     speed, altitude = spans[0].get("speed", 20.0), spans[0].get("altitude", 588.0)
-    before = spans[0]
     answers: list[mavlink.MAVLink_message] = []
-    for span in spans:
+    for before, span in pairwise([spans[0], *spans]):
         wanted = (span.get("speed", 20.0), span.get("altitude", 588.0))
         left = round(span.get("length", 5.0) * 10)
         while left > 0:
@@ -168,12 +160,8 @@ def asked(*spans: dict[str, Any], landed: int | None = None) -> list[float]:
             speed, altitude = toward(speed, wanted[0], 0.4), toward(altitude, wanted[1], 1.0)
             north += 0.1 * speed
             companion.receive_link(leader_bytes(now), now)
-            place = position_report(
-                time_boot_ms=round(now * 1e3),
-                lat=473_977_420 + round(north / 111_177.0 * 1e7),
-                alt=round(altitude * 1e3),
-                vx=round(speed * 100),
-            )
+            where = FRAME.to_geodetic(north, 0.0)
+            place = flown_position(now, where, north_m_s=speed, altitude_m=altitude)
             beat = heartbeat(LOITER, status=shown["status"], armed=shown["armed"])
             messages = [*answers, beat, place]
             if landed is not None:
@@ -182,10 +170,8 @@ def asked(*spans: dict[str, Any], landed: int | None = None) -> list[float]:
             times += [now for one in sent if getattr(one, "command", 0) == SET_MODE]
             answers = [
                 mavlink.MAVLink_timesync_message(round(now * 1e9), one.ts1)
-                for one in sent
-                if one.get_type() == "TIMESYNC"
+                for one in of_type(sent, "TIMESYNC")
             ]
-        before = span
     return times
 
 
@@ -207,15 +193,21 @@ def test_it_engages_in_the_air_unless_the_autopilot_says_that_it_is_not_there(la
     assert bool(asked(FLYING, landed=landed)) is engages
 
 
-def test_the_next_flight_begins_when_it_is_seen_disarmed_on_the_ground():
+@pytest.mark.parametrize(
+    ("landed", "engages"),
+    [
+        (None, False),
+        ({"length": 3.0}, False),
+        ({"length": 7.0}, True),
+        ({"length": 7.0, "speed": 20.0}, False),
+        # In the air without a speed, as with the wind against it.
+        ({"length": 7.0, "altitude": 588.0}, False),
+    ],
+)
+def test_the_next_flight_begins_when_it_is_seen_disarmed_on_the_ground(landed, engages):
     # A fail-safe ends the consent of a flight, a landing that flight.
-    failed = FLYING | {"status": 5}
-    assert asked(failed, FLYING) == []
-    assert asked(failed, STANDING | {"length": 3.0}, FLYING) == []
-    assert asked(failed, STANDING | {"length": 7.0}, FLYING)
-    assert asked(failed, STANDING | {"length": 7.0, "speed": 20.0}, FLYING) == []
-    # In the air without a speed, as with the wind against it.
-    assert asked(failed, STANDING | {"length": 7.0, "altitude": 588.0}, FLYING) == []
+    between = [] if landed is None else [STANDING | landed]
+    assert bool(asked(FLYING | {"status": 5}, *between, FLYING)) is engages
 
 
 def test_a_reboot_in_the_air_does_not_end_the_flight():
@@ -229,10 +221,8 @@ def test_a_reboot_in_the_air_does_not_end_the_flight():
         beat = heartbeat(LOITER, status=3, armed=False)
         return spoken(nowhere, beat) if 0.0 < passed_s <= 9.0 else b""
 
-    flown.deaf, flown.forge = True, rebooted
-    flown.run(17.0)
-    flown.deaf = False
-    flown.run(24.0)
+    flown.run(17.0, deaf=True, forge=rebooted)
+    flown.run(24.0, deaf=False)
     assert_left_alone(flown, "LOITER", since_s=8.0)
 
 
@@ -251,12 +241,8 @@ def test_a_stop_after_a_hang_or_before_guided_shows_is_followed_by_handing_back(
 
 
 def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered():
-    flown = new_flight(
-        engage=False,
-        link=heard_until(1.0),
-        patience={"prediction_s": 1.0, "breakaway_s": 1.0},
-        until_s=4.0,
-    )
+    hasty = {"prediction_s": 1.0, "breakaway_s": 1.0}
+    flown = new_flight(engage=False, link=heard_until(1.0), patience=hasty, until_s=4.0)
     flown.pilot("GUIDED", until_s=9.0)
     assert_left_alone(flown, "GUIDED")
     assert [text.removeprefix("vfguide f1: ") for _, text in flown.texts()] == [
@@ -268,8 +254,7 @@ def test_guided_of_the_pilots_own_is_not_undone_where_nothing_was_steered():
 def test_a_speed_that_every_mode_obeys_is_not_sent_without_heartbeats():
     flown = new_flight(kind="px4", until_s=5.0)
     assert flown.mode_at(5.0).steers
-    flown.edit = without("HEARTBEAT")
-    flown.run(9.0)
+    flown.run(9.0, edit=without("HEARTBEAT"))
     assert flown.later(178, 6.0)
     assert flown.later(178, 7.6) == []
 
@@ -289,11 +274,9 @@ def test_a_record_that_is_lost_in_the_air_leaves_the_vehicle_to_its_pilot(tmp_pa
     store.close()
     if lost:
         (tmp_path / "f1.consent.json").unlink()
-    restarted = new_flight(store=QuickDisk(tmp_path, "f1"))
-    flown.companion, flown.make = restarted.companion, restarted.make
-    flown.run(34.0)
+    flown.run(34.0, companion=new_flight(store=QuickDisk(tmp_path, "f1")).companion)
     assert flown.later(SET_MODE, 20.0) == []
-    (told,) = [text for time, text in flown.events if time > 24.0 and "not engaged by" in text]
+    (told,) = flown.told("not engaged by", from_s=24.0)
     assert ("no record of this flight was found: select GUIDED" in told) is lost
     flown.pilot("GUIDED", until_s=40.0)
     assert flown.mode_at(40.0).steers
@@ -331,18 +314,16 @@ def test_a_vehicle_whose_new_companion_hears_no_leader_is_handed_back(kind, gap_
 def test_a_vehicle_whose_new_companion_hears_no_positions_is_handed_back(kind):
     flown = new_flight(kind=kind, until_s=15.0)
     flown.command(MESSAGE_INTERVAL, 33, -1)
-    flown.lose = frozenset({MESSAGE_INTERVAL, "REQUEST_DATA_STREAM"})
     replaced(flown, 2.0)
-    flown.run(40.0)
+    flown.run(40.0, lose=frozenset({MESSAGE_INTERVAL, "REQUEST_DATA_STREAM"}))
     assert flown.autopilot_mode == "LOITER"
     assert sum(BACK in text for _, text in flown.texts()) == 1
 
 
 def test_a_vehicle_that_does_not_obey_its_new_companion_is_handed_back_three_times():
     flown = new_flight(link=heard_until(15.0), until_s=15.0)
-    flown.lose = frozenset({SET_MODE})
     replaced(flown, 2.0)
-    flown.run(60.0)
+    flown.run(60.0, lose=frozenset({SET_MODE}))
     assert len(flown.later(SET_MODE, 15.0)) == 3
     assert any("although it was handed back 3 times" in text for _, text in flown.texts())
 
@@ -379,34 +360,25 @@ def test_guided_that_the_pilot_gave_after_taking_over_is_not_handed_back_by_a_ne
     assert_left_alone(flown, "GUIDED", since_s=15.0)
 
 
-def test_who_steers_is_on_the_disk(tmp_path):
-    store = QuickDisk(tmp_path, "f1")
-    flown = new_flight(store=store, engage=False, until_s=5.0)
-    assert not store.load().steered
+@pytest.mark.parametrize("engage", [True, False])
+def test_who_steers_is_on_the_disk_and_nobody_does_once_the_pilot_has_taken_over(tmp_path, engage):
+    flown = new_flight(store=QuickDisk(tmp_path, "f1"), engage=engage, until_s=5.0)
+    assert FileStore(tmp_path, "f1").load().steered is engage
     flown.pilot("GUIDED", until_s=10.0)
-    store.close()
-    kept = FileStore(tmp_path, "f1")
-    assert kept.load().steered
-    kept.close()
-
-
-def test_nobody_steers_once_the_pilot_has_taken_over():
-    store = MemoryStore()
-    flown = new_flight(store=store, until_s=10.0)
-    assert store.load().steered
+    assert FileStore(tmp_path, "f1").load().steered
     flown.pilot("LOITER", until_s=12.0)
-    assert not store.load().steered
-    assert store.load().is_spent
+    kept = FileStore(tmp_path, "f1").load()
+    assert (kept.steered, kept.is_spent) == (False, True)
 
 
 def test_the_younger_hands_back_the_vehicle_that_it_steers_and_says_why():
     one = new_flight(until_s=10.0)
-    assert one.modes[-1][1].steers
+    assert one.mode.steers
     out = one.companion.stand_back(one.now, ELDER)
     assert "another companion of this name was here before" in out.events[0].text
     assert not one.companion.stand_back(one.now, ELDER).events
     one.run(15.0)
-    assert not one.modes[-1][1].steers
+    assert not one.mode.steers
     assert one.autopilot_mode == "LOITER"
     assert one.companion.obstacle(one.now) == ELDER
 
@@ -420,5 +392,5 @@ def test_the_younger_that_has_not_steered_commands_nothing_until_the_other_is_si
     assert one.autopilot_mode == "LOITER"
     one.companion.stand_back(one.now, "")
     one.run(20.0)
-    assert one.modes[-1][1].steers
+    assert one.mode.steers
     assert one.autopilot_mode == "GUIDED"

@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.kit.states import vehicle_at
-from vfguide.companion.delay_compensator import SLIPPING, DelayCompensator, Memory, memory_of, steps
+from vfguide.companion.delay_compensator import SLIPPING, DelayCompensator, Memory, memory_of
 from vfguide.guidance.airframe import ActiveSetpoint, Bias, Inner, propagate, propagate_inner
 from vfguide.state import Airframe, Setpoint, VehicleState
 
@@ -54,16 +54,15 @@ def ahead_of(delay_compensator: DelayCompensator) -> VehicleState:
 
 
 def test_the_future_is_what_comes():
-    delay_compensator, later = DelayCompensator(LATE), DelayCompensator(LATE)
+    delay_compensator = DelayCompensator(LATE)
     flown(delay_compensator, LATE, Bias(), 1.0)
-    expected = flown(later, LATE, Bias(), 1.5)
+    expected = flown(DelayCompensator(LATE), LATE, Bias(), 1.5)
     ahead = ahead_of(delay_compensator)
     # Half a second of dead time ahead, of which the last setpoints are still on their way.
     assert ahead.time_s == pytest.approx(1.5)
     assert ahead.airspeed == pytest.approx(expected.airspeed, abs=0.02)
     assert ahead.course == pytest.approx(expected.course, abs=0.01)
-    assert ahead.north == pytest.approx(expected.north, abs=0.05)
-    assert ahead.east == pytest.approx(expected.east, abs=0.05)
+    assert (ahead.north, ahead.east) == pytest.approx((expected.north, expected.east), abs=0.05)
 
 
 def test_what_the_vehicle_does_beyond_its_model_is_taken_off():
@@ -76,6 +75,12 @@ def test_what_the_vehicle_does_beyond_its_model_is_taken_off():
     assert still.course < now.course + 0.1
 
 
+def held(delay_compensator: DelayCompensator, speed: float) -> float:
+    """The speed that is sent where the laws ask for this one, northbound."""
+    wanted = Setpoint(course=0.0, speed=speed)
+    return delay_compensator.setpoint(lambda _: wanted, lambda _: wanted).speed
+
+
 @pytest.mark.parametrize(
     ("wind", "slowest", "fastest"),
     [
@@ -86,38 +91,24 @@ def test_what_the_vehicle_does_beyond_its_model_is_taken_off():
     ],
 )
 def test_a_ground_speed_is_one_that_the_airspeed_range_allows(wind, slowest, fastest):
-    # Half a second late, nothing on its way: northbound, whatever the laws ask for.
+    # Half a second late, nothing on its way.
     delay_compensator = DelayCompensator(replace(LATE, hold="course-hold"))
     delay_compensator.observe(replace(vehicle_at(), wind_north=wind[0], wind_east=wind[1]))
-
-    def told(speed: float) -> float:
-        wanted = Setpoint(course=0.0, speed=speed)
-        return delay_compensator.setpoint(lambda _: wanted, lambda _: wanted).speed
-
-    assert told(3.0) == pytest.approx(slowest)
-    assert told(20.0) == pytest.approx(20.0)
-    assert told(60.0) == pytest.approx(fastest)
+    told = [held(delay_compensator, speed) for speed in (3.0, 20.0, 60.0)]
+    assert told == pytest.approx([slowest, 20.0, fastest])
 
 
 def test_a_ground_speed_is_allowed_by_the_wind_on_the_course_on_which_it_takes_effect():
     # It turns right by 0.2 rad/s, nobody steers it: after the dead time of 0.5 s by 0.1 rad.
-    airframe = replace(LATE, hold="course-hold")
-    delay_compensator = DelayCompensator(airframe)
+    delay_compensator = DelayCompensator(replace(LATE, hold="course-hold"))
     for step in range(200):
         course = 0.2 * PERIOD * step
         now = replace(vehicle_at(course=course), time_s=step * PERIOD, wind_north=5.0)
         delay_compensator.observe(now)
-    wanted = Setpoint(course=0.0, speed=60.0)
-    told = delay_compensator.setpoint(lambda _: wanted, lambda _: wanted).speed
     tail, cross = 5.0 * math.cos(course + 0.1), 5.0 * math.sin(course + 0.1)
     # On the course of now it would be 0.4 m/s more.
-    assert told == pytest.approx(tail + math.sqrt(32.0**2 - cross**2), abs=0.01)
-
-
-def test_steps_make_up_their_span():
-    assert list(steps(0.0)) == []
-    assert sum(steps(0.52)) == pytest.approx(0.52)
-    assert max(steps(0.52)) <= 0.05
+    fastest = tail + math.sqrt(32.0**2 - cross**2)
+    assert held(delay_compensator, 60.0) == pytest.approx(fastest, abs=0.01)
 
 
 def test_a_long_memory_hardly_answers_to_a_swing():

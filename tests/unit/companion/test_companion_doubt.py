@@ -69,8 +69,7 @@ def test_an_estimator_that_comes_back_is_steered_by_once():
         return message
 
     flown = new_flight(edit=without_a_position, until_s=52.0)
-    changes = [text for time, text in flown.events if time > 38.0 and "->" in text]
-    assert changes == ["tracking -> waiting", "waiting -> tracking"]
+    assert flown.told("->", from_s=38.0) == ["tracking -> waiting", "waiting -> tracking"]
     (back,) = [time for time, text in flown.events if text == "waiting -> tracking"]
     assert 46.5 < back < 48.5
     texts = [text for time, text in flown.texts() if time > 38.0]
@@ -81,9 +80,8 @@ def test_an_estimator_that_comes_back_is_steered_by_once():
 def test_a_mode_that_the_autopilot_denies_is_not_called_the_pilots():
     flown = new_flight(until_s=15.0)
     flown.pilot("RTL", until_s=18.0)
-    flown.forge = lambda _now: spoken(heartbeat(GUIDED))
-    flown.run(24.0)
-    assert flown.mode_at(24.0) is Mode.PILOT
+    flown.run(24.0, forge=lambda _now: spoken(heartbeat(GUIDED)))
+    assert flown.mode is Mode.PILOT
     # Texts have 2 s between them, and warnings come before this one.
     flown.run(30.0)
     later = [text for time, text in flown.texts() if time > 18.0]
@@ -131,12 +129,10 @@ def test_an_altitude_that_steps_is_doubted_for_as_long_as_it_may_be_wrong(
 
 
 @pytest.mark.parametrize("step", [100.0, -100.0])
-def test_a_neighbour_whose_altitude_steps_has_none(step):
-    alerts = Alerts()
+def test_a_neighbour_whose_altitude_steps_has_none(alerts, step):
     receiver = StateReceiver(FRAME, SAME_CLOCK, alerts, whose="f2")
     for number in range(20):
-        time_s = number / 5
-        altitude = 588.0 + (step if number >= 10 else 0.0)
+        time_s, altitude = number / 5, 588.0 + (step if number >= 10 else 0.0)
         assert receiver.take(leader_bytes(time_s, altitude_amsl=altitude), time_s)
         assert math.isnan(receiver.newest.altitude_amsl) is (number >= 10)
     (said,) = alerts.heard(4.0)
@@ -160,20 +156,15 @@ def estimator(flags: int) -> MAVLink_message:
 
 
 def sensors(present: int, enabled: int, health: int) -> MAVLink_message:
-    return mavlink.MAVLink_sys_status_message(
-        present, enabled, health, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0
-    )
+    return mavlink.MAVLink_sys_status_message(present, enabled, health, *[0] * 10)
 
 
 def fault_of(message: MAVLink_message, for_s: float = 2.0) -> str | None:
     """What is wrong after an autopilot has said this twice a second for a while."""
-    health = OwnWord()
-    report = REPORTS[message.get_msgId()](message)
+    health, report = OwnWord(), REPORTS[message.get_msgId()](message)
     assert isinstance(report, GpsReport | EstimatorReport | SensorsReport)
-    now = 0.0
-    while now <= for_s:
-        health.take(report, now)
-        now += 0.5
+    for step in range(round(2.0 * for_s) + 1):
+        health.take(report, step / 2.0)
     return health.fault(for_s)
 
 

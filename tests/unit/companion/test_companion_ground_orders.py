@@ -23,7 +23,7 @@ from tests.kit.companion import (
 )
 from tests.kit.link import LEADER, Wire, trust_of
 from tests.kit.missions import replaced
-from tests.kit.wire import command_long, heartbeat, of_type, packed, parsed
+from tests.kit.wire import command_long, heartbeat, of_type, packed, parsed, types_of
 from vfguide.companion.daemon import Daemon, Surroundings
 from vfguide.companion.ground_orders import (
     ABORT,
@@ -46,8 +46,7 @@ from vfguide.mavlink.reports import OrderRequest
 USER_1, USER_2 = 31_010, 31_011
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED = 0, 1, 2, 3
 STATION = (255, 190)
-
-
+KEY = bytes(range(32))
 SURVEY = {"type": "circle", "centre": {}, "radius_m": 300.0, "direction": "clockwise"}
 MISSION = replaced("shapes", paths={"survey": SURVEY}, deputies=["f2", "f1"])
 """One with another path, and deputies."""
@@ -65,8 +64,8 @@ def command(
     station = mavlink.MAVLink(None, srcSystem=STATION[0], srcComponent=STATION[1])
     if key is not None:
         ConnectionSigning(key, lambda: 1.8e9).prepare(station)
-    parameters = (code, *values, *(0.0,) * (6 - len(values)))
-    message = mavlink.MAVLink_command_long_message(*target, number, confirmation, *parameters)
+    message = command_long(number, code, *values, system_id=target[0], component_id=target[1])
+    message.confirmation = confirmation
     return bytes(message.pack(station))
 
 
@@ -93,15 +92,10 @@ def test_each_code_is_one_order():
         1: ABORT,
         2: Order(action="hold"),
         3: Order(action="resume"),
-        **{
-            10 + number: Order(shape=shape) for number, shape in enumerate((*shapes, "finger-four"))
-        },
         20: Order(),
-        30: Order(path="main"),
-        31: Order(path="survey"),
-        60: Order(lead="leader"),
-        61: Order(lead="f2"),
-        62: Order(lead="f1"),
+        **{10 + n: Order(shape=shape) for n, shape in enumerate((*shapes, "finger-four"))},
+        **{30 + n: Order(path=path) for n, path in enumerate(("main", "survey"))},
+        **{60 + n: Order(lead=lead) for n, lead in enumerate(("leader", "f2", "f1"))},
     }
 
 
@@ -132,20 +126,14 @@ def test_a_request_is_accepted_and_handed_on_as_an_order(code, values, order):
 @pytest.mark.parametrize(
     ("code", "values", "result"),
     [
-        (99, (), UNSUPPORTED),
-        (10.5, (), UNSUPPORTED),
-        (20, (), DENIED),
-        (10, (2000.0,), DENIED),
-        (10, (-5.0,), DENIED),
-        (10, (30.0, 1.0), DENIED),
+        *((code, (), UNSUPPORTED) for code in (99, 10.5)),
+        *((code, (), DENIED) for code in (20, 4)),
+        *((10, values, DENIED) for values in ((2000.0,), (-5.0,), (30.0, 1.0))),
+        # The leader has no slot.
+        (4, (1,), DENIED),
         (2, (30.0,), DENIED),
-        (4, (), DENIED),
-        (4, (1,), DENIED),  # the leader has no slot
-        (5, (2.5,), DENIED),
-        (5, (2, 3), DENIED),
-        (6, (2,), DENIED),
-        (6, (2, 2), DENIED),
-        (6, (2, 3, 4), DENIED),
+        *((5, values, DENIED) for values in ((2.5,), (2, 3))),
+        *((6, values, DENIED) for values in ((2,), (2, 2), (2, 3, 4))),
         (7, (2, 1e6, 0), DENIED),
     ],
 )
@@ -162,13 +150,8 @@ def test_a_companion_that_was_not_told_to_hears_no_requests():
 @pytest.mark.parametrize(
     "data",
     [
-        command(1, target=(3, 191)),
-        command(1, target=(2, 1)),
-        command(1, target=(2, 0)),
-        command(1, target=(0, 191)),
-        command(1, number=USER_2),
-        command(float("nan")),
-        command(1)[:-1] + b"\x00",
+        *(command(1, target=target) for target in ((3, 191), (2, 1), (2, 0), (0, 191))),
+        *(command(1, number=USER_2), command(float("nan")), command(1)[:-1] + b"\x00"),
     ],
 )
 def test_what_is_for_another_or_for_all_or_damaged_is_passed_over(data):
@@ -176,10 +159,9 @@ def test_what_is_for_another_or_for_all_or_damaged_is_passed_over(data):
 
 
 def test_on_a_signed_connection_only_who_has_the_key_requests_orders():
-    key = bytes(range(32))
-    assert heard(command(1), key=key) == ([], [])
-    assert heard(command(1, key=bytes(32)), key=key) == ([], [])
-    answers, requested = heard(command(1, key=key), key=key)
+    assert heard(command(1), key=KEY) == ([], [])
+    assert heard(command(1, key=bytes(32)), key=KEY) == ([], [])
+    answers, requested = heard(command(1, key=KEY), key=KEY)
     assert [one.result for one in answers] == [ACCEPTED]
     assert requested == [ABORT]
 
@@ -199,13 +181,16 @@ def test_one_order_is_given_at_a_time_and_what_calls_everything_off_does_not_wai
 NUMBERS = st.floats(width=32, allow_nan=False, allow_infinity=False) | st.integers(0, 9).map(float)
 
 
+def request_of(code: float, values: tuple[float, ...] = (0.0,) * 3, again: int = 0) -> OrderRequest:
+    return OrderRequest(sender=STATION, code=code, values=values, confirmation=again)
+
+
 @given(st.lists(st.tuples(NUMBERS, st.tuples(NUMBERS, NUMBERS, NUMBERS), st.integers(0, 255))))
 def test_whatever_numbers_come_no_more_than_two_orders_are_under_way(numbers):
     requests = ground_orders_of(MISSION)
     handed_on = []
-    for now, (code, values, confirmation) in enumerate(numbers):
-        request = OrderRequest(sender=STATION, code=code, values=values, confirmation=confirmation)
-        answers, words = requests.take(request, float(now))
+    for now, asked in enumerate(numbers):
+        answers, words = requests.take(request_of(*asked), float(now))
         assert len(answers) == 1
         handed_on += [] if words is None else [words]
     assert len(handed_on) <= 2
@@ -213,13 +198,9 @@ def test_whatever_numbers_come_no_more_than_two_orders_are_under_way(numbers):
 
 def test_the_next_order_is_accepted_once_one_is_given():
     requests = ground_orders_of(MISSION)
-    first, second = (
-        OrderRequest(sender=STATION, code=code, values=(0.0, 0.0, 0.0), confirmation=0)
-        for code in (2.0, 3.0)
-    )
-    assert requests.take(first, 1.0)[1] == Order(action="hold")
+    assert requests.take(request_of(2.0), 1.0)[1] == Order(action="hold")
     requests.finish(Order(action="hold"))
-    assert requests.take(second, 2.0)[1] == Order(action="resume")
+    assert requests.take(request_of(3.0), 2.0)[1] == Order(action="resume")
 
 
 def test_an_order_is_worked_out_from_the_formation_as_it_is():
@@ -338,11 +319,10 @@ REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, GET_MESSAGE_INTERVAL = 512, 511, 510
 
 
 class QGroundControl:
-    """What QGroundControl sends to a vehicle, in its order; everything it hears comes by the same router."""
+    """What QGroundControl sends to f1, in its order; everything it hears comes by the same router."""
 
-    def __init__(self, flown: Flight, system_id: int) -> None:
+    def __init__(self, flown: Flight) -> None:
         self._flown = flown
-        self._vehicle = system_id
 
     def send(self, message: MAVLink_message) -> list[MAVLink_message]:
         """Send a message; what the autopilot answers at once reaches the companion, too."""
@@ -351,77 +331,59 @@ class QGroundControl:
         return parsed(answer)
 
     def command(self, number: int, *parameters: float) -> list[MAVLink_message]:
-        return self.send(command_long(number, *parameters, system_id=self._vehicle))
+        return self.send(command_long(number, *parameters, system_id=2))
 
-    def start(self) -> dict[str, list[MAVLink_message]]:
-        """Connect to the vehicle; the answers by what was asked."""
-        to = (self._vehicle, 1)
-        return {
+    def start(self) -> dict[str, set[str]]:
+        """Connect to the vehicle; the types of the answers by what was asked."""
+        answers = {
             "heartbeat": self.send(mavlink.MAVLink_heartbeat_message(6, 8, 192, 0, 4, 3)),
             "version": self.command(REQUEST_MESSAGE, 148),
             "protocol": self.command(REQUEST_MESSAGE, 300),
-            "parameters": self.send(mavlink.MAVLink_param_request_list_message(*to)),
+            "parameters": self.send(mavlink.MAVLink_param_request_list_message(2, 1)),
             # Older versions ask ArduPilot for streams, others for messages one by one.
-            "streams": self.send(mavlink.MAVLink_request_data_stream_message(*to, 0, 4, 1)),
+            "streams": self.send(mavlink.MAVLink_request_data_stream_message(2, 1, 0, 4, 1)),
             "interval": self.command(SET_MESSAGE_INTERVAL, 33, 250_000),
-            "mission": self.send(mavlink.MAVLink_mission_request_list_message(*to, 0)),
+            "mission": self.send(mavlink.MAVLink_mission_request_list_message(2, 1, 0)),
         }
+        targets = {(one.target_system, one.target_component) for one in answers["mission"]}
+        assert targets == {(255, 190)}
+        return {asked: set(types_of(messages)) for asked, messages in answers.items()}
 
-
-def kinds(messages: list[MAVLink_message]) -> set[str]:
-    return {message.get_type() for message in messages}
-
-
-def interval_us(station: QGroundControl, message_id: int) -> int:
-    answers = station.command(GET_MESSAGE_INTERVAL, message_id)
-    return next(one.interval_us for one in answers if one.get_type() == "MESSAGE_INTERVAL")
+    def interval_us(self, message_id: int) -> int:
+        (told,) = of_type(self.command(GET_MESSAGE_INTERVAL, message_id), "MESSAGE_INTERVAL")
+        return told.interval_us
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_qgroundcontrol_gets_its_answers_and_the_companion_its_rate_back(kind):
     flown = new_flight(kind=kind, until_s=20.0)
-    assert flown.companion.snapshot.mode.steers
-    station = QGroundControl(flown, system_id=2)
-    before_us = interval_us(station, 33)
+    assert flown.mode.steers
+    station = QGroundControl(flown)
+    before_us = station.interval_us(33)
     answers = station.start()
-    assert "AUTOPILOT_VERSION" in kinds(answers["version"])
-    assert {"COMMAND_ACK"} <= kinds(answers["interval"])
-    assert "MISSION_COUNT" in kinds(answers["mission"])
-    for one in answers["mission"]:
-        assert (one.target_system, one.target_component) == (255, 190)
+    assert "AUTOPILOT_VERSION" in answers["version"]
+    assert "COMMAND_ACK" in answers["interval"]
+    assert "MISSION_COUNT" in answers["mission"]
     # It has slowed the position down for everybody on this connection: the companion asks again.
-    assert interval_us(station, 33) > before_us
+    assert station.interval_us(33) > before_us
     flown.run(24.0)
-    assert interval_us(station, 33) == before_us
+    assert station.interval_us(33) == before_us
     flown.run(60.0)
-    steered = [mode for time, mode in flown.modes if time > 20.0]
-    assert all(mode.steers for mode in steered)
+    assert all(mode.steers for time, mode in flown.modes if time > 20.0)
 
 
 def test_answers_to_the_ground_station_are_none_to_the_companion():
     flown = new_flight(until_s=20.0)
-    station = QGroundControl(flown, system_id=2)
-    said = len(flown.events)
+    station = QGroundControl(flown)
     # Refused: an airspeed beyond its range, a mode that it does not have.
     for _ in range(3):
         station.command(43_000, 0, 80, 0)
         station.command(176, 1, 99)
         flown.run(flown.now + 1.0)
-    texts = [text for _, text in flown.events[said:]]
-    assert not [text for text in texts if "43000" in text or "CHANGE_SPEED" in text], texts
-    assert flown.companion.snapshot.mode.steers
+    assert flown.told("43000", from_s=20.0) == flown.told("CHANGE_SPEED", from_s=20.0) == []
+    assert flown.mode.steers
 
 
-def test_it_hears_what_the_companion_says_to_it():
-    flown = new_flight(until_s=10.0)
-    heard = parsed(b"".join(data for _, data in flown.sent))
-    to_all = [one for one in heard if one.get_type() in {"STATUSTEXT", "NAMED_VALUE_FLOAT"}]
-    assert kinds(to_all) == {"STATUSTEXT", "NAMED_VALUE_FLOAT"}
-    # Of the vehicle's own system, by its computer on board: routers pass that on to everybody.
-    assert {(one.get_srcSystem(), one.get_srcComponent()) for one in to_all} == {(2, 191)}
-
-
-KEY = bytes(range(32))
 NOW_S = 1_800_000_000.0
 
 
@@ -442,12 +404,10 @@ def signed_flight(key: bytes | None) -> Flight:
 def test_with_the_key_the_companion_is_obeyed_and_a_forged_heartbeat_takes_nothing_from_it():
     flown = signed_flight(KEY)
     flown.run(30.0)
-    assert flown.autopilot_mode == "GUIDED"
-    assert flown.companion.snapshot.mode is Mode.TRACKING
+    assert flown.state == (Mode.TRACKING, "GUIDED")
     assert flown.autopilot.counters["not signed"] == 0
-    flown.forge = lambda _now: packed(heartbeat(MANUAL), system_id=1, component_id=1)
-    flown.run(35.0)
-    assert flown.companion.snapshot.mode is Mode.TRACKING
+    flown.run(35.0, forge=lambda _: packed(heartbeat(MANUAL), system_id=1, component_id=1))
+    assert flown.mode is Mode.TRACKING
 
 
 def test_without_it_nothing_that_is_said_is_obeyed():

@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.kit.companion import KINDS, new_flight
-from tests.kit.missions import plan_of, shipped
+from tests.kit.missions import plan_of, replaced, shipped
 from tests.kit.orders import abort, moves
 from tests.kit.states import leader_at, vehicle_at
 from tests.kit.wire import number_of, parsed
@@ -20,7 +20,6 @@ from vfguide.guidance.height import BesidePath, ClimbLimits, HeightTarget, held_
 from vfguide.guidance.path import Path
 from vfguide.link.order_codec import encode_order
 from vfguide.mavlink.reports import CommandReport
-from vfguide.mission.place import Fence
 from vfguide.paths.line import Line
 from vfguide.state import LeaderState, Setpoint
 
@@ -29,38 +28,27 @@ CLIMB = HeightTarget(height=150.0, climb_rate=3.0, ahead=156.0)
 
 
 def navigated(time_s: float, airspeed: float) -> NavigatedState:
-    return NavigatedState(
-        state=vehicle_at(time_s=time_s, ground_speed=airspeed, height=150.0),
-        place=GeodeticPlace(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl=638.0),
-        period=PERIOD_S,
-        interval=PERIOD_S,
-        altitude_amsl=638.0,
-    )
-
-
-def steady(airspeed: float) -> Callable[[float], float]:
-    return lambda _: airspeed
+    state = vehicle_at(time_s=time_s, ground_speed=airspeed, height=150.0)
+    place = GeodeticPlace(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl=638.0)
+    times = {"period": PERIOD_S, "interval": PERIOD_S}
+    return NavigatedState(state=state, place=place, altitude_amsl=638.0, **times)
 
 
 def asked(
     keeper: HeightKeeper,
     seconds: float,
+    target: HeightTarget = CLIMB,
     *,
-    airspeed: Callable[[float], float],
-    wanted: float,
-    target: HeightTarget,
+    airspeed: Callable[[float], float] | float = 20.0,
+    wanted: float = 22.0,
     steered: bool = True,
 ) -> float:
     """The height that is asked for in the end."""
-    height = 0.0
+    height, setpoint = 0.0, Setpoint(course=0.0, speed=wanted)
     for step in range(round(seconds / PERIOD_S)):
         now = step * PERIOD_S
-        height = keeper.step(
-            navigated(now, airspeed(now)),
-            target,
-            Setpoint(course=0.0, speed=wanted),
-            steered=steered,
-        )
+        flown = airspeed if isinstance(airspeed, float) else airspeed(now)
+        height = keeper.step(navigated(now, flown), target, setpoint, steered=steered)
     return height
 
 
@@ -75,47 +63,44 @@ def keeper() -> HeightKeeper:
         # beta 0.8: the speed closes 2 m/s by exp(-0.8 t), as declared, and leaves energy.
         (lambda now: 22.0 - 2.0 * math.exp(-0.8 * now), 22.0, CLIMB, True),
         # Level flight gives nothing up, and nothing is learned while the pilot flies.
-        (steady(20.0), 25.0, held_height(150.0), True),
-        (steady(20.0), 25.0, CLIMB, False),
+        (20.0, 25.0, held_height(150.0), True),
+        (20.0, 25.0, CLIMB, False),
     ],
 )
 def test_a_height_that_leaves_energy_is_flown_as_wanted(keeper, airspeed, wanted, target, steered):
-    height = asked(keeper, 20.0, airspeed=airspeed, wanted=wanted, target=target, steered=steered)
+    height = asked(keeper, 20.0, target, airspeed=airspeed, wanted=wanted, steered=steered)
     assert height == target.ahead
 
 
 def test_a_climb_gives_way_to_a_speed_that_does_not_come(keeper):
-    height = asked(keeper, 20.0, airspeed=steady(20.0), wanted=22.0, target=CLIMB)
-    assert 0.0 < height < 156.0 - 10.0
+    assert 0.0 < asked(keeper, 20.0) < 156.0 - 10.0
     given = keeper.given_up
     assert given > 0.0
-    asked(keeper, 1.0, airspeed=steady(20.0), wanted=22.0, target=CLIMB)
+    asked(keeper, 1.0)
     # 3 m/s of climb, no descent.
     assert keeper.given_up - given <= 3.0 + 1e-9
 
 
 def test_a_descent_gives_way_to_a_speed_that_does_not_fall(keeper):
     sink = replace(CLIMB, climb_rate=-3.0, ahead=144.0)
-    assert asked(keeper, 20.0, airspeed=steady(24.0), wanted=20.0, target=sink) > 144.0 + 10.0
+    assert asked(keeper, 20.0, sink, airspeed=24.0, wanted=20.0) > 144.0 + 10.0
 
 
 def test_height_that_was_given_up_is_taken_back(keeper):
-    asked(keeper, 10.0, airspeed=steady(20.0), wanted=22.0, target=CLIMB)
+    asked(keeper, 10.0)
     assert keeper.given_up > 5.0
-    height = asked(keeper, 90.0, airspeed=steady(22.0), wanted=22.0, target=held_height(200.0))
-    assert height == pytest.approx(200.0)
+    assert asked(keeper, 90.0, held_height(200.0), airspeed=22.0) == pytest.approx(200.0)
 
 
 def test_height_that_a_climb_gave_up_is_not_missing_in_the_descent_after_it(keeper):
     # 20 s of climb without the speed for it: from 96 m to 156 m, and nearly all of that is given up.
-    begin = asked(keeper, 20.0, airspeed=steady(20.0), wanted=22.0, target=CLIMB)
+    begin = lowest = asked(keeper, 20.0)
     assert begin < 130.0
-    lowest = begin
+    setpoint: Setpoint = Setpoint(course=0.0, speed=20.0)
     for step in range(1200):
-        target = max(156.0 - 3.0 * step * PERIOD_S, 60.0)
-        sink = HeightTarget(height=target, climb_rate=-3.0 if target > 60.0 else 0.0, ahead=target)
         now = step * PERIOD_S
-        setpoint: Setpoint = Setpoint(course=0.0, speed=20.0)
+        target = max(156.0 - 3.0 * now, 60.0)
+        sink = HeightTarget(height=target, climb_rate=-3.0 if target > 60.0 else 0.0, ahead=target)
         height = keeper.step(navigated(now, 20.0), sink, setpoint, steered=True)
         # Never below both where the climb ended and where the path is.
         assert height >= min(begin, target) - 1e-6
@@ -185,22 +170,19 @@ def test_the_same_height_is_told_until_it_is_accepted_and_a_few_times_at_most(he
 def test_all_heights_stay_within_the_fence():
     one = shipped("line-calm")
     assert loiter_step(one) == 15.0
-    highest = one.height_above_origin_m + 12.0
-    fenced = one.model_copy(update={"fence": Fence(max_height_m=highest)})
+    fenced = replaced(one, fence={"max_height_m": one.height_above_origin_m + 12.0})
     assert loiter_step(fenced) == pytest.approx(12.0 / len(one.followers))
 
 
 def test_on_a_climbing_path_all_stay_within_the_fence_and_apart():
     one = shipped("line-calm")
     level, n = one.height_above_origin_m, len(one.followers)
-    fenced = one.model_copy(update={"fence": Fence(max_height_m=level + 510.0)})
-    origin = one.origin.altitude_amsl_m
+    fenced = replaced(one, fence={"max_height_m": level + 510.0})
+    top = one.origin.altitude_amsl_m + level + 510.0
     told = []
     for name in ["leader", *one.followers_by_name]:
         own = LoiterHeight(flight_plan(fenced, name), adapter_of(one.vehicles[name]))
-        altitude = origin + level + 500.0
-        told += altitudes(own, replace(off_at(), places=()), altitude_amsl=altitude)
-    top = origin + level + 510.0
+        told += altitudes(own, replace(off_at(), places=()), altitude_amsl=top - 10.0)
     assert told == pytest.approx([top - 15.0 * (n - rank) for rank in range(n + 1)])
 
 

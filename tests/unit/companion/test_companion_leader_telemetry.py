@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from tests.kit.companion import new_flight
+from tests.kit.companion import Flight, new_flight
 from tests.kit.states import FRAME
 from tests.kit.wire import framed as packed
 from tests.kit.wire import parsed, position_report
@@ -35,11 +35,9 @@ LEADER = ForeignLeader(
 
 
 def listener(alerts: Alerts | None = None, **changes: Any) -> LeaderTelemetry:
-    beside = HeightWitnesses(planned=588.0, own=math.nan, above=100.0)
-    leader = replace(LEADER, **changes)
-    return LeaderTelemetry(
-        leader, FRAME, alerts, moved_s=5.0, system_id=2, beside=lambda _heard: beside
-    )
+    witnesses = HeightWitnesses(planned=588.0, own=math.nan, above=100.0)
+    known = {"moved_s": 5.0, "system_id": 2, "beside": lambda _heard: witnesses}
+    return LeaderTelemetry(replace(LEADER, **changes), FRAME, alerts, **known)
 
 
 def said(alerts: Alerts) -> list[str]:
@@ -58,11 +56,6 @@ def position(
         vx=round(velocity[0] * 100.0),
         vy=round(velocity[1] * 100.0),
     )
-
-
-def northbound(sent_s: float) -> bytes:
-    """20 m/s north from the origin."""
-    return packed(position(sent_s, 20.0 * sent_s, 0.0))
 
 
 def hear(
@@ -141,8 +134,8 @@ def test_from_places_alone_the_velocity_is_found_and_the_first_is_no_motion():
     assert telemetry.newest is None
     for sent_s in range(1, 10):
         hear_place(telemetry, float(sent_s), 20.0 * sent_s)
-    assert telemetry.newest.ground_speed == pytest.approx(20.0, abs=0.1)
-    assert telemetry.newest.course == pytest.approx(0.0, abs=0.01)
+    newest = telemetry.newest
+    assert (newest.ground_speed, newest.course) == pytest.approx((20.0, 0.0), abs=0.01)
 
 
 def test_one_better_message_alone_does_not_take_over():
@@ -161,11 +154,9 @@ def test_a_better_message_takes_over_and_the_next_best_waits_three_seconds():
     assert hear(telemetry, 6.0)
 
 
-def test_what_another_system_says_is_not_heard_and_told_once():
-    alerts = Alerts()
+def test_what_another_system_says_is_not_heard_and_told_once(alerts):
     telemetry = listener(alerts)
-    for step in range(40):
-        assert not hear(telemetry, 0.25 * step, system_id=8)
+    assert not any(hear(telemetry, 0.25 * step, system_id=8) for step in range(40))
     assert telemetry.newest is None
     (words,) = said(alerts)
     assert words.startswith("is not heard, system 8 is")
@@ -175,8 +166,7 @@ def test_what_another_system_says_is_not_heard_and_told_once():
     ("north", "velocity"),
     [(3000.0, (20.0, 0.0)), (100.0, (-20.0, 0.0)), (100.0, (150.0, 0.0)), (100.0, (20.0, 200.0))],
 )
-def test_one_message_that_cannot_be_true_moves_nothing(north, velocity):
-    alerts = Alerts()
+def test_one_message_that_cannot_be_true_moves_nothing(alerts, north, velocity):
     telemetry = followed(alerts=alerts)
     before = telemetry.newest
     assert not hear(telemetry, 5.25, north, 0.0, velocity)
@@ -186,8 +176,7 @@ def test_one_message_that_cannot_be_true_moves_nothing(north, velocity):
     assert words.startswith("reports what cannot be")
 
 
-def test_a_leader_on_the_ground_is_followed_once_it_flies():
-    alerts = Alerts()
+def test_a_leader_on_the_ground_is_followed_once_it_flies(alerts):
     telemetry = listener(alerts)
     for step in range(8):
         hear(telemetry, 0.25 * step, 0.0, 0.0, (0.0, 0.0))
@@ -197,8 +186,7 @@ def test_a_leader_on_the_ground_is_followed_once_it_flies():
         # From 2 s on it accelerates by 2 m/s² to 20 m/s.
         speed = min(0.5 * step, 20.0)
         north = 0.25 * step**2 * 0.25 if speed < 20.0 else 100.0 + 5.0 * (step - 40)
-        sent_s = 1.75 + 0.25 * step
-        hear(telemetry, sent_s, north, 0.0, (speed, 0.0))
+        hear(telemetry, 1.75 + 0.25 * step, north, 0.0, (speed, 0.0))
     assert telemetry.newest is not None
     assert [re.split(r":| \(", words)[0] for words in said(alerts)] == ["does not fly", "flies"]
 
@@ -211,8 +199,7 @@ def test_time_that_runs_backward_once_is_not_believed_nor_an_altitude_that_steps
     assert math.isnan(telemetry.newest.altitude_amsl)
 
 
-def test_after_a_reboot_it_is_followed_again_by_its_new_clock():
-    alerts = Alerts()
+def test_after_a_reboot_it_is_followed_again_by_its_new_clock(alerts):
     telemetry = followed(alerts=alerts)
     for step in range(12):
         sent_s = 8.0 + 0.25 * step
@@ -223,8 +210,7 @@ def test_after_a_reboot_it_is_followed_again_by_its_new_clock():
     assert any("another clock" in words for words in said(alerts))
 
 
-def test_a_late_leader_is_told_once_and_again_when_it_is_in_time():
-    alerts = Alerts()
+def test_a_late_leader_is_told_once_and_again_when_it_is_in_time(alerts):
     telemetry = followed(alerts=alerts)
     fly(telemetry, 6.0, begin_s=5.25, late_s=1.7)
     fly(telemetry, 12.0, begin_s=10.0)
@@ -232,15 +218,16 @@ def test_a_late_leader_is_told_once_and_again_when_it_is_in_time():
     assert words == ["is heard 1.7 s late", "is heard in time again"]
 
 
-def test_it_is_asked_for_its_time_and_believes_its_answer():
+@pytest.mark.parametrize(("asked", "late_s"), [(True, 0.0), (False, 0.2)])
+def test_it_is_asked_for_its_time_and_believes_its_answer_and_no_other(asked, late_s):
     telemetry = followed(least_delay_s=None)
-    said = parsed(telemetry.say(5.2))
-    assert [one.get_type() for one in said] == ["HEARTBEAT", "TIMESYNC"]
+    beat, question = parsed(telemetry.say(5.2))
+    assert (beat.get_type(), question.get_type()) == ("HEARTBEAT", "TIMESYNC")
     assert telemetry.say(5.3) == b""
     # 0.2 s there, 0.2 s back.
-    answer(telemetry, 5.4, said[1].ts1)
+    answer(telemetry, 5.4, question.ts1 if asked else 12345)
     hear(telemetry, 5.5)
-    assert telemetry.newest.time_s == pytest.approx(5.5, abs=2e-3)
+    assert telemetry.newest.time_s == pytest.approx(5.5 + late_s, abs=2e-3)
 
 
 def test_an_answer_says_nothing_of_a_program_beside_the_autopilot():
@@ -252,13 +239,6 @@ def test_an_answer_says_nothing_of_a_program_beside_the_autopilot():
     answer(telemetry, 2.4, said[1].ts1)
     hear_place(telemetry, 6.0, 120.0)
     assert telemetry.newest.time_s == pytest.approx(6.2, abs=2e-3)
-
-
-def test_an_answer_that_nobody_asked_for_says_nothing():
-    telemetry = followed(least_delay_s=None)
-    answer(telemetry, 5.4, 12345)
-    hear(telemetry, 5.5)
-    assert telemetry.newest.time_s == pytest.approx(5.7, abs=2e-3)
 
 
 STAMP, NUMBER = st.integers(0, 2**32 - 1), st.integers(-(2**31), 2**31 - 1)
@@ -307,8 +287,7 @@ def test_a_jump_of_a_leader_that_tells_places_alone_is_not_followed_at_once():
 
 
 @pytest.mark.parametrize(("altitude_m", "off"), [(0.0, "588 m below"), (635.0, "47 m above")])
-def test_an_altitude_that_cannot_be_right_is_not_followed_and_told_once(altitude_m, off):
-    alerts = Alerts()
+def test_an_altitude_that_cannot_be_right_is_not_followed_and_told_once(alerts, altitude_m, off):
     telemetry = listener(alerts)
     for step in range(20):
         hear(telemetry, 0.25 * step, altitude=altitude_m)
@@ -319,18 +298,14 @@ def test_an_altitude_that_cannot_be_right_is_not_followed_and_told_once(altitude
     assert f"an altitude of {altitude_m:.0f} m, {off} the mission's: own height kept" in text
 
 
-def test_a_leader_that_climbs_to_the_missions_height_and_beyond_is_followed():
-    alerts = Alerts()
-    telemetry = listener(alerts)
-    heights = []
+def test_a_leader_that_climbs_to_the_missions_height_and_beyond_is_followed(alerts):
+    telemetry, heights = listener(alerts), []
     for step in range(120):
         hear(telemetry, 0.25 * step, altitude=548.0 + 0.75 * step)
         heights.append(telemetry.newest.height)
-    assert math.isnan(heights[0])
     # 25 m below the flying height of 100 m, 15 m above where it began.
-    assert math.isnan(heights[19])
-    assert heights[20] == pytest.approx(75.0)
-    assert heights[-1] == pytest.approx(149.25)
+    assert math.isnan(heights[0] + heights[19])
+    assert (heights[20], heights[-1]) == pytest.approx((75.0, 149.25))
     words = [text[:25] for text in said(alerts)]
     assert words == ["reports an altitude of 54", "reports an altitude that "]
 
@@ -345,62 +320,46 @@ def test_whatever_altitude_is_first_told_none_is_followed_far_from_the_missions(
         assert near or math.isnan(newest.height)
 
 
-class Stamped:
-    """An autopilot whose boot times are others."""
+def stamped(stamp: Callable[[int], int], until_s: float) -> Flight:
+    """Fly with an autopilot whose boot times are others."""
 
-    def __init__(self, autopilot: Any, stamp: Callable[[int], int]) -> None:
-        self._autopilot, self._stamp = autopilot, stamp
+    def edited(message: MAVLink_message, _now: float) -> MAVLink_message:
+        if message.get_type() == "GLOBAL_POSITION_INT":
+            message.time_boot_ms = stamp(message.time_boot_ms)
+        return message
 
-    def advance(self, now: float) -> bytes:
-        out = b""
-        for one in parsed(self._autopilot.advance(now)):
-            if one.get_type() == "GLOBAL_POSITION_INT":
-                one.time_boot_ms = self._stamp(one.time_boot_ms)
-            sender = mavlink.MAVLink(None, 2, 1)
-            sender.seq = one.get_seq()
-            out += bytes(one.pack(sender))
-        return out
-
-    def receive(self, data: bytes) -> bytes:
-        return bytes(self._autopilot.receive(data))
+    return new_flight(edit=edited, until_s=until_s)
 
 
-WRONG = {
-    "zero": (lambda _ms: 0, "stand still"),
-    "stuck": (lambda _ms: 123_456, "stand still"),
-    "microseconds": (lambda ms: ms * 1000 % 2**32, "run 1000 times too fast"),
-    "seconds": (lambda ms: ms // 1000, "times too slow"),
-}
-
-
-@pytest.mark.parametrize("kind", WRONG)
-def test_an_own_boot_time_that_tells_no_time_is_told_and_flown_by_arrival(kind):
-    stamp, words = WRONG[kind]
-    flown = new_flight()
-    flown.autopilot = Stamped(flown.autopilot, stamp)  # type: ignore[assignment]
-    flown.run(20.0)
-    (text,) = [text for _, text in flown.events if "boot times" in text]
+@pytest.mark.parametrize(
+    ("stamp", "words"),
+    [
+        (lambda _ms: 0, "stand still"),
+        (lambda _ms: 123_456, "stand still"),
+        (lambda ms: ms * 1000 % 2**32, "run 1000 times too fast"),
+        (lambda ms: ms // 1000, "times too slow"),
+    ],
+    ids=["zero", "stuck", "microseconds", "seconds"],
+)
+def test_an_own_boot_time_that_tells_no_time_is_told_and_flown_by_arrival(stamp, words):
+    flown = stamped(stamp, 20.0)
+    (text,) = flown.told("boot times")
     assert words in text
     assert "flown by when its reports arrive" in text
-    assert flown.mode_at(20.0).steers
+    assert flown.mode.steers
 
 
 def test_boot_times_that_tell_time_again_are_gone_by_and_end_no_right_to_engage():
-    flown = new_flight()
-    flown.autopilot = Stamped(flown.autopilot, lambda ms: 5000 if 8_000 < ms < 12_000 else ms)  # type: ignore[assignment]
-    flown.run(32.0)
-    texts = [text for _, text in flown.events if "boot times" in text]
-    assert [("stand still" in text, "tell time again" in text) for text in texts] == [
-        (True, False),
-        (False, True),
-    ]
-    assert not any("rebooted" in text for _, text in flown.events)
-    assert flown.mode_at(32.0).steers
+    flown = stamped(lambda ms: 5000 if 8_000 < ms < 12_000 else ms, 32.0)
+    wrong, right = flown.told("boot times")
+    assert "stand still" in wrong
+    assert "tell time again" in right
+    assert flown.told("rebooted") == []
+    assert flown.mode.steers
 
 
 @pytest.mark.parametrize("rate", [0.0, 1e-3, 1000.0])
-def test_a_leader_whose_stamps_tell_no_time_is_followed_by_arrival(rate):
-    alerts = Alerts()
+def test_a_leader_whose_stamps_tell_no_time_is_followed_by_arrival(alerts, rate):
     telemetry = listener(alerts)
     for step in range(41):
         sent_s = 0.25 * step
@@ -417,11 +376,10 @@ def test_a_leader_whose_stamps_tell_no_time_is_followed_by_arrival(rate):
     assert "followed by when its messages arrive" in text
 
 
-def test_a_leader_whose_messages_repeat_wholly_is_not_taken_for_one_without_a_clock():
-    alerts = Alerts()
+def test_a_leader_whose_messages_repeat_wholly_is_not_taken_for_one_without_a_clock(alerts):
     telemetry = listener(alerts)
     for step in range(40):
-        telemetry.take(northbound(5.0), 5.2 + 0.25 * step)
+        telemetry.take(packed(position(5.0, 100.0, 0.0)), 5.2 + 0.25 * step)
     assert telemetry.newest is not None
     assert telemetry.newest.time_s == pytest.approx(5.0, abs=0.01)
     assert said(alerts) == []

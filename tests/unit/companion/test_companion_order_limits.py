@@ -32,18 +32,12 @@ from vfguide.mission.feasibility import hand_back_at_the_end
 from vfguide.paths.circle import Circle as CirclePath
 from vfguide.paths.waypoints import Waypoints, WaypointsShape
 
-RADIUS_M = 100.0
-
 
 def route(end: str = "hand-back") -> Waypoints:
     """1000 m north, and round a circle of 100 m without easements."""
     corners = [{"north_m": 0, "east_m": 0}, {"north_m": 1000, "east_m": 0}]
-    return Waypoints.of(
-        WaypointsShape.model_validate(
-            {"type": "waypoints", "waypoints": corners, "end": end, "radius_m": RADIUS_M}
-            | {"easement_m": 0}
-        )
-    )
+    shape = {"type": "waypoints", "waypoints": corners, "end": end, "radius_m": 100.0}
+    return Waypoints.of(WaypointsShape.model_validate(shape | {"easement_m": 0}))
 
 
 Flown = tuple[float, float, bool]
@@ -95,18 +89,17 @@ def test_a_path_that_does_not_hand_back_has_no_end():
     assert not RouteEnd().passed(route("loiter"), point, steered=True)
 
 
-def test_check_says_when_a_rehearsal_outlasts_its_route():
-    content = content_of("line-calm")
+@pytest.mark.parametrize("duration_s", [300, 40])
+def test_check_says_when_a_rehearsal_outlasts_its_route(duration_s):
     corners = [{"north_m": 0, "east_m": 0}, {"north_m": 1000, "east_m": 0}]
-    content["path"] = {"type": "waypoints", "waypoints": corners, "end": "hand-back"}
-    content["path"] |= {"radius_m": 200, "easement_m": 0}
+    path = {"type": "waypoints", "waypoints": corners, "end": "hand-back"}
+    path |= {"radius_m": 200, "easement_m": 0}
+    content = content_of("line-calm") | {"path": path}
+    content["rehearsal"]["duration_s"] = duration_s
     # To where the last leg touches the circle and a quarter round it, 20 m/s.
-    given = Mission.model_validate(content)
-    (finding,) = hand_back_at_the_end(given)
-    assert finding.severity == "warning"
-    assert "hands all vehicles back after about" in finding.message
-    content["rehearsal"]["duration_s"] = 40
-    assert not [*hand_back_at_the_end(Mission.model_validate(content))]
+    found = [*hand_back_at_the_end(Mission.model_validate(content))]
+    assert [one.severity for one in found] == ["warning"] * (duration_s == 300)
+    assert all("hands all vehicles back after about" in one.message for one in found)
 
 
 CIRCLE = HoldCircle(latitude_deg=47.3988, longitude_deg=8.545594, radius_m=200.0)
@@ -144,8 +137,7 @@ def test_a_hold_whose_stacked_heights_would_leave_the_fence_is_flown_by_nobody(
 
 
 def test_a_layer_above_the_fence_is_refused_and_a_lower_slot_is_not():
-    one = fenced()
-    here = Point(-20.0, -20.0, 5.0)
+    one, here = fenced(), Point(-20.0, -20.0, 5.0)
     crosses = SlotMove(vehicle="f1", begin=here, end=here, layer=24.0)
     order = order_of(crosses, climb_s=20.0)
     text = ceiling_objection(order, crosses, one, 140.0, 150.0)
@@ -155,22 +147,21 @@ def test_a_layer_above_the_fence_is_refused_and_a_lower_slot_is_not():
     assert ceiling_objection(order, lower, one, 160.0, 150.0) is None
 
 
-def test_a_slot_above_a_low_leader_is_as_high_as_it_is():
+@pytest.mark.parametrize(
+    ("end_m", "refusal"),
+    [(12.0, None), (2.0, "f1 would fly 17 m above the origin, less than 20 m")],
+)
+def test_a_slot_above_a_low_leader_is_as_high_as_it_is(end_m, refusal):
     # The leader at 15 m, the slot 10 m above it: 25 m, and the least height is 20 m.
-    one = replace(plan_of(vehicle="f1"), up=10.0)
-    begin = Point(-20.0, -20.0, 10.0)
-    climbs = SlotMove(vehicle="f1", begin=begin, end=replace(begin, up=12.0))
-    assert slot_objection(order_of(climbs), climbs, one, begin, 15.0) is None
-    sinks = SlotMove(vehicle="f1", begin=begin, end=replace(begin, up=2.0))
-    text = slot_objection(order_of(sinks), sinks, one, begin, 15.0)
-    assert text == "f1 would fly 17 m above the origin, less than 20 m"
+    one, begin = replace(plan_of(vehicle="f1"), up=10.0), Point(-20.0, -20.0, 10.0)
+    move = SlotMove(vehicle="f1", begin=begin, end=replace(begin, up=end_m))
+    assert slot_objection(order_of(move), move, one, begin, 15.0) == refusal
 
 
 def test_a_path_whose_fence_the_leader_is_above_is_refused():
     one = plan_of(vehicle="leader")
     survey = replace(one.paths["main"], ceiling=120.0)
-    leader = replace(one, paths={**one.paths, "survey": survey})
-    order = order_of(path="survey")
+    leader, order = replace(one, paths={**one.paths, "survey": survey}), order_of(path="survey")
     text = ceiling_objection(order, None, leader, 200.0, one.ceiling)
     assert text == "leader would fly 200 m above the origin, and the fence ends at 120 m"
     assert ceiling_objection(order, None, leader, 110.0, one.ceiling) is None
@@ -242,10 +233,8 @@ def test_a_vehicle_whose_slot_is_above_the_fence_stays_below_it():
 
 def with_paths(**options: str) -> FlightPlan:
     """Plan of a mission that has another path, and two who may lead."""
-    other = KnownPath(
-        CirclePath(north=0.0, east=0.0, radius=300.0, direction=1),
-        PathGains(gain=0.03, approach_angle=math.pi / 2.0),
-    )
+    circle = CirclePath(north=0.0, east=0.0, radius=300.0, direction=1)
+    other = KnownPath(circle, PathGains(gain=0.03, approach_angle=math.pi / 2.0))
     task = plan_of(vehicle="f3").task
     assert isinstance(task, FollowerTask)
     lead = LeadPlan(order=("leader", "f1"), task=task, altitude_amsl=588.0)
@@ -260,6 +249,8 @@ def with_another(path: str, vehicle: str) -> FlightPlan:
 
 
 SURVEY = replace(further(SLOTS), path="survey", turn_radius_m=125.0)
+F1_LEADS = replace(further(SLOTS), lead="f1")
+ANOTHER = "its mission file means another curve by"
 
 
 def test_another_path_is_known_from_the_agreed_time_on_and_its_field_is_as_gentle_as_the_turns():
@@ -276,18 +267,8 @@ def test_another_path_is_known_from_the_agreed_time_on_and_its_field_is_as_gentl
     ("name", "plan", "order", "refusal"),
     [
         ("f2", plan_of(vehicle="f2"), SURVEY, "no path is called 'survey' in its mission"),
-        (
-            "f2",
-            with_another("survey", "f2"),
-            SURVEY,
-            "its mission file means another curve by 'survey'",
-        ),
-        (
-            "f1",
-            with_another("main", "f1"),
-            replace(further(SLOTS), lead="f1", path_check=8),
-            "its mission file means another curve by 'main'",
-        ),
+        ("f2", with_another("survey", "f2"), SURVEY, f"{ANOTHER} 'survey'"),
+        ("f1", with_another("main", "f1"), replace(F1_LEADS, path_check=8), f"{ANOTHER} 'main'"),
     ],
 )
 def test_nobody_flies_or_leads_along_a_path_that_one_does_not_know_or_knows_as_another_curve(
@@ -313,24 +294,22 @@ def test_a_companion_that_missed_the_order_and_means_another_curve_by_its_path_d
 
 
 def test_who_is_to_lead_leads_for_a_moment_after_the_agreed_time_only():
-    formation = ordered(replace(further(SLOTS), lead="f1"), until_s=10.1, plan=with_paths)
+    formation = ordered(F1_LEADS, until_s=10.1, plan=with_paths)
     assert [name for name, one in formation.members.items() if one.leads_by_order(10.1)] == ["f1"]
     assert not formation.members["f1"].leads_by_order(12.0)
 
 
 def test_another_copy_of_the_order_at_its_very_time_does_not_keep_anybody_from_leading_by_it():
-    formation = begun(plan=with_paths)
-    order = replace(further(SLOTS), lead="f1")
-    formation.give(order, until_s=9.95)
+    formation = ordered(F1_LEADS, until_s=9.95, plan=with_paths)
     # The operator repeats it until all fly it; f1 gets that before its own next step.
     formation.now = 10.0
-    formation.give(order)
+    formation.give(F1_LEADS)
     assert formation.flown["f1"] == 1
     assert formation.members["f1"].leads_by_order(10.0)
 
 
 def test_a_companion_that_hears_of_the_order_later_does_not_lead_by_it():
-    formation = ordered(replace(further(SLOTS), lead="f1"), until_s=11.0, plan=with_paths)
+    formation = ordered(F1_LEADS, until_s=11.0, plan=with_paths)
     formation.start("f1")
     while formation.flown["f1"] == 0:
         formation.run(formation.now + 0.1)
@@ -338,18 +317,17 @@ def test_a_companion_that_hears_of_the_order_later_does_not_lead_by_it():
         assert not formation.members["f1"].leads_by_order(formation.now)
 
 
-def test_nobody_is_ordered_to_lead_who_is_not_heard():
+@pytest.mark.parametrize(
+    ("name", "silent", "refusal"),
+    [
+        ("f1", {"f1"}, "f1 is to lead, and is not heard"),
+        ("f2", set(), "f2 is neither leader nor deputy of its mission"),
+    ],
+)
+def test_nobody_is_ordered_to_lead_who_is_not_heard_or_no_deputy(name, silent, refusal):
     formation = begun(plan=with_paths)
-    formation.silent.add("f1")
+    formation.silent |= silent
     formation.run(12.0)
-    formation.give(replace(further(SLOTS), time_s=20.0, lead="f1"), until_s=60.0)
-    assert {formation.flown[name] for name in NAMES if name != "f1"} == {0}
-    assert "f1 is to lead, and is not heard" in {reply.text for _, reply in formation.said}
-
-
-def test_nobody_leads_by_an_order_who_is_no_deputy():
-    formation = ordered(replace(further(SLOTS), lead="f2"), until_s=60.0, plan=with_paths)
-    assert formation.flown == dict.fromkeys(NAMES, 0)
-    assert "f2 is neither leader nor deputy of its mission" in {
-        reply.text for _, reply in formation.said
-    }
+    formation.give(replace(further(SLOTS), time_s=20.0, lead=name), until_s=60.0)
+    assert {formation.flown[one] for one in NAMES if one not in silent} == {0}
+    assert refusal in {reply.text for _, reply in formation.said}

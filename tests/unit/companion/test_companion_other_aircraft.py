@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.kit.states import FRAME
+from tests.kit.states import FRAME, view
 from vfguide.companion.other_aircraft import (
     MOST_AIRCRAFT,
     MOST_VERDICTS,
@@ -19,17 +19,7 @@ from vfguide.companion.other_aircraft import (
 from vfguide.companion.possibilities import Viewpoint
 from vfguide.mavlink.reports import TrafficReport
 
-HERE = Viewpoint(
-    time_s=10.0,
-    place=0j,
-    velocity=20 + 0j,
-    wanted=20 + 0j,
-    altitude_amsl=588.0,
-    wind=0j,
-    climb_rate=0.0,
-    astray=0.0,
-    reaction_s=2.0,
-)
+HERE = view(10.0)
 
 
 def report(north: float, east: float = 0.0, *, number: int = 1, **changes: object) -> TrafficReport:
@@ -124,16 +114,19 @@ def in_the_way(
     return aircraft.nearby(replace(here, time_s=time_s), tuple) is not None
 
 
-def test_a_stranger_that_overtakes_slowly_stays_one_however_near_it_comes():
+@pytest.fixture
+def aircraft() -> OtherAircraft:
+    return OtherAircraft(FRAME, distance_m=100.0)
+
+
+def test_a_stranger_that_overtakes_slowly_stays_one_however_near_it_comes(aircraft):
     """5 m/s faster, from 200 m behind to as much ahead: within 75 m for 30 s."""
-    aircraft = OtherAircraft(FRAME, distance_m=100.0)
     for second in range(80):
         one = report(-200.0 + 5.0 * second, velocity=(25.0, 0.0))
         assert in_the_way(aircraft, 10.0 + second, one)
 
 
-def test_a_member_stays_one_where_a_report_is_off_and_while_it_is_not_heard():
-    aircraft = OtherAircraft(FRAME, distance_m=100.0)
+def test_a_member_stays_one_where_a_report_is_off_and_while_it_is_not_heard(aircraft):
     own = report(10.0, velocity=(20.0, 0.0))
     off = report(200.0, velocity=(-20.0, 0.0))
     assert not in_the_way(aircraft, 10.0, own)
@@ -144,8 +137,7 @@ def test_a_member_stays_one_where_a_report_is_off_and_while_it_is_not_heard():
     assert not in_the_way(aircraft, 140.0, own)
 
 
-def test_a_member_whose_transponder_is_heard_before_its_states_is_one_after_a_minute():
-    aircraft = OtherAircraft(FRAME, distance_m=100.0)
+def test_a_member_whose_transponder_is_heard_before_its_states_is_one_after_a_minute(aircraft):
     beside = report(0.0, 100.0, velocity=(20.0, 0.0))
     assert in_the_way(aircraft, 10.0, beside)
     for time_s, stranger in ((11.0, True), (70.0, True), (70.5, False)):
@@ -156,68 +148,60 @@ def test_a_member_whose_transponder_is_heard_before_its_states_is_one_after_a_mi
 
 @pytest.mark.parametrize("radius", [150.0, 250.0])
 @pytest.mark.parametrize("age_s", [0.0, 2.0, 3.5, 5.0])
-def test_the_own_transponder_is_a_member_on_a_circle_however_old_its_reports(radius, age_s):
+def test_the_own_transponder_is_a_member_on_a_circle_however_old_its_reports(
+    aircraft, radius, age_s
+):
     """At 20 m/s, reports once a second. On 150 m it turns by 38° in 5 s: 13 m/s."""
-    aircraft = OtherAircraft(FRAME, distance_m=100.0)
     for second in range(60):
         then = cmath.rect(1.0, 20.0 / radius * (second - age_s))
         turned = cmath.rect(1.0, 20.0 / radius * second)
-        heard = report(
-            radius * then.real,
-            radius * then.imag,
-            velocity=(-20.0 * then.imag, 20.0 * then.real),
-            age_s=age_s,
-        )
+        motion = {"velocity": (-20.0 * then.imag, 20.0 * then.real), "age_s": age_s}
+        heard = report(radius * then.real, radius * then.imag, **motion)
         here = replace(HERE, place=radius * turned, velocity=20j * turned)
         assert not in_the_way(aircraft, 10.0 + second, heard, here=here)
 
 
-def test_a_report_without_a_velocity_is_judged_by_place_until_one_comes():
+def test_a_report_without_a_velocity_is_judged_by_place_until_one_comes(aircraft):
     """3 s old, from 60 m behind: where the own vehicle was."""
     own = report(-60.0, velocity=None, age_s=3.0)
-    assert seen(own) is None
-    assert seen(report(-60.0, 120.0, velocity=None, age_s=3.0)) is not None
-    aircraft = OtherAircraft(FRAME, distance_m=100.0)
     assert not in_the_way(aircraft, 10.0, own)
+    assert seen(report(-60.0, 120.0, velocity=None, age_s=3.0)) is not None
     # It flies south: nobody of the formation.
     assert in_the_way(aircraft, 11.0, report(50.0))
 
 
-def test_addresses_are_remembered_up_to_a_number_the_newest():
-    aircraft = OtherAircraft(FRAME, distance_m=100.0)
+def test_addresses_are_remembered_up_to_a_number_the_newest(aircraft):
     for number in range(500):
         in_the_way(aircraft, 10.0 + 0.1 * number, report(300.0 - 0.1 * number, number=number))
     assert len(aircraft._known) == MOST_AIRCRAFT  # noqa: SLF001
     assert set(aircraft._verdicts) == set(range(500 - MOST_VERDICTS, 500))  # noqa: SLF001
 
 
-def test_reports_that_cannot_be_are_counted_and_not_used():
-    aircraft = OtherAircraft(FRAME, distance_m=100.0)
-    aircraft.take(report(400.0, velocity=(-351.0, 0.0)), 10.0)
-    assert aircraft.counters["traffic: too fast"] == 1
-    aircraft.take(report(60_000.0), 10.0)
-    assert aircraft.counters["traffic: far away"] == 1
-    aircraft.take(report(400.0), 10.0)
-    # A second later 350 m farther, and 300 m for what a report is off.
-    aircraft.take(report(1060.0), 11.0)
-    assert aircraft.counters["traffic: cannot have got there"] == 1
+def test_reports_that_cannot_be_are_counted_and_not_used(aircraft):
+    for one, time_s in (
+        (report(400.0, velocity=(-351.0, 0.0)), 10.0),
+        (report(60_000.0), 10.0),
+        (report(400.0), 10.0),
+        # A second later 350 m farther, and 300 m for what a report is off.
+        (report(1060.0), 11.0),
+    ):
+        aircraft.take(one, time_s)
+    reasons = ("too fast", "far away", "cannot have got there")
+    assert aircraft.counters == {f"traffic: {reason}": 1 for reason in reasons}
     found = aircraft.nearby(replace(HERE, time_s=11.0), tuple)
     assert found.others.tracks[0, 0] == pytest.approx(370 + 0j, abs=0.1)
 
 
-def test_an_aircraft_that_does_not_tell_its_velocity_has_that_between_its_reports():
-    aircraft = OtherAircraft(FRAME, distance_m=100.0)
+def test_an_aircraft_that_does_not_tell_its_velocity_has_that_between_its_reports(aircraft):
     for time_s in (8.0, 10.0):
         aircraft.take(report(500.0 - 25.0 * time_s, velocity=None), time_s)
-    found = aircraft.nearby(HERE, tuple)
-    assert found.others.tracks[0, 2] - found.others.tracks[0, 0] == pytest.approx(-25 + 0j, abs=0.1)
+    track = aircraft.nearby(HERE, tuple).others.tracks[0]
+    assert track[2] - track[0] == pytest.approx(-25 + 0j, abs=0.1)
 
 
-def test_of_too_many_the_nearest_are_kept_in_mind():
-    aircraft = OtherAircraft(FRAME, distance_m=100.0)
+def test_of_too_many_the_nearest_are_kept_in_mind(aircraft):
     for number in range(100):
         aircraft.take(report(10_000.0 - number * 90.0, number=number), 10.0)
-    assert len(aircraft._known) == MOST_AIRCRAFT  # noqa: SLF001
     assert set(aircraft._known) == set(range(100 - MOST_AIRCRAFT, 100))  # noqa: SLF001
     aircraft.take(report(20_000.0, number=200), 10.0)
     assert aircraft.counters["traffic: too many"] == 1

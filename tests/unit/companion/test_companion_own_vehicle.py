@@ -1,4 +1,6 @@
+import cmath
 import math
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
@@ -23,15 +25,9 @@ def own() -> OwnVehicle:
     return OwnVehicle(plan_of())
 
 
-def report(
-    boot_time_s: float,
-    *,
-    north: float = 0.0,
-    velocity: tuple[float, float] = (22.0, 3.0),
-    heading: float | None = 0.0,
-) -> PositionReport:
+def report(boot_time_s: float, north: float = 0.0, **changes: Any) -> PositionReport:
     """A report of 22 m/s north and 3 m/s east over ground, nose north."""
-    return reported(boot_time_s, north, velocity=velocity, heading=heading)
+    return reported(boot_time_s, north, **{"velocity": (22.0, 3.0), **changes})
 
 
 def taken(own: OwnVehicle, report: PositionReport, now: float) -> NavigatedState:
@@ -45,27 +41,25 @@ def taken(own: OwnVehicle, report: PositionReport, now: float) -> NavigatedState
 def test_the_first_report_is_taken_as_it_is(own):
     navigated = taken(own, report(5.0, north=100.0), now=42.0)
     state = navigated.state
-    assert state.time_s == 42.0
+    assert (state.time_s, state.heading, state.airspeed) == (42.0, 0.0, 20.0)
     assert (state.north, state.east) == pytest.approx((100.0, 0.0), abs=1e-3)
     # Air velocity (20, 0), ground velocity (22, 3).
     assert (state.wind_north, state.wind_east) == pytest.approx((2.0, 3.0))
     assert (state.wind_rate_north, state.wind_rate_east) == (0.0, 0.0)
-    assert state.course == pytest.approx(math.atan2(3.0, 22.0))
-    assert state.ground_speed == pytest.approx(math.sqrt(493.0))
-    assert (state.heading, state.airspeed) == (0.0, 20.0)
-    assert navigated.interval == math.inf
-    assert navigated.period == pytest.approx(0.05)
+    motion = (state.course, state.ground_speed)
+    assert motion == pytest.approx((math.atan2(3.0, 22.0), math.sqrt(493.0)))
+    assert (navigated.interval, navigated.period) == (math.inf, pytest.approx(0.05))
 
 
 def test_the_place_is_the_navigated_one(own):
     taken(own, report(5.0), now=42.0)
     # Predicted at 1.1 m, reported at 6.1 m: the filter leans 0.05 / 2.05 of the 5 m between.
     navigated = taken(own, report(5.05, north=6.1), now=42.05)
-    assert navigated.state.north == pytest.approx(1.1 + 5.0 * 0.05 / 2.05, abs=1e-3)
     state, place = navigated.state, navigated.place
+    assert state.north == pytest.approx(1.1 + 5.0 * 0.05 / 2.05, abs=1e-3)
     place_m = FRAME.to_local(place.latitude_deg, place.longitude_deg)
     assert place_m == pytest.approx((state.north, state.east), abs=1e-3)
-    assert navigated.place.altitude_amsl == 588.0
+    assert place.altitude_amsl == 588.0
 
 
 def test_intervals_are_those_of_the_autopilots_clock(own):
@@ -165,27 +159,25 @@ def test_a_compass_that_is_off_makes_no_wind_where_no_airspeed_is_known(own):
     # Round a circle in calm air, the nose 40 degrees beside the course. By measured headings the airspeed,
     # which came from the wind that came from it, grew to 107 m/s in a minute: seen of a PX4 in software.
     north = east = 0.0
+    own.note(AirspeedReport(airspeed=20.0), 40.0)
     for number in range(1200):
         time_s, course = 0.05 * number, 0.15 * 0.05 * number
         velocity = 20.0 * math.cos(course), 20.0 * math.sin(course)
-        if number == 0:
-            own.note(AirspeedReport(airspeed=20.0), 40.0)
         heading = course + (0.0 if number < 45 else 0.7)
         said = reported(5.0 + time_s, north, east, velocity=velocity, heading=heading)
-        navigated = own.take(said, 40.0 + time_s)
-        assert navigated.state.airspeed < 25.0
+        state = own.take(said, 40.0 + time_s).state
+        assert state.airspeed < 25.0
         # The ground velocity is the measured one all the same, a little late.
-        assert navigated.state.ground_speed == pytest.approx(20.0, abs=0.5)
-        north += velocity[0] * 0.05
-        east += velocity[1] * 0.05
+        assert state.ground_speed == pytest.approx(20.0, abs=0.5)
+        north, east = north + velocity[0] * 0.05, east + velocity[1] * 0.05
 
 
 def test_an_airspeed_is_not_judged_by_a_wind_that_no_aircraft_could_fly_in(own):
     # Of (22, 3) m/s over ground a wind of (2, 3) leaves 20 m/s; of (6, 3) 4 m/s, which is no fixed wing's.
     taken(own, report(5.0), now=42.0)
     for number in range(20):
-        slow = report(5.05 + 0.1 * number, velocity=(6.0, 3.0))
-        own.take(slow, 42.05 + 0.1 * number)
+        passed_s = 0.05 + 0.1 * number
+        own.take(report(5.0 + passed_s, velocity=(6.0, 3.0)), 42.0 + passed_s)
     own.note(AirspeedReport(airspeed=20.0), 44.2)
     assert own.counters["airspeed not believed"] == 0
 
@@ -238,11 +230,6 @@ def test_a_velocity_that_positions_contradict_is_put_right_and_the_autopilot_tol
     assert own.course_offset == 0.0
 
 
-def batteries(own: OwnVehicle, *reports: SensorsReport | BatteryReport) -> None:
-    for one in reports:
-        own.note(one, 0.0)
-
-
 def told(own: OwnVehicle, now: float) -> tuple[float | None, float | None]:
     """What is left of a battery, and its volts."""
     newest = own.sensors.newest(now)
@@ -255,9 +242,9 @@ FIRST = replace(SENSORS, battery=0.9, battery_voltage=12.3)
 
 def test_the_emptiest_of_several_batteries_is_the_one_that_is_told(own):
     assert own.sensors.newest(0.0) is None
-    others = [(0, 0.9, 12.3), (1, 0.4, 22.0), (2, None, 5.0)]
-    reports = [BatteryReport(number=n, remaining=left, voltage=volts) for n, left, volts in others]
-    batteries(own, FIRST, *reports)
+    own.note(FIRST, 0.0)
+    for number, left, volts in [(0, 0.9, 12.3), (1, 0.4, 22.0), (2, None, 5.0)]:
+        own.note(BatteryReport(number=number, remaining=left, voltage=volts), 0.0)
     assert told(own, 1.0) == (0.4, 22.0)
     # Ten seconds later the second battery is not heard of any more.
     own.note(replace(SENSORS, battery=0.85, battery_voltage=12.2), 10.5)
@@ -266,15 +253,12 @@ def test_the_emptiest_of_several_batteries_is_the_one_that_is_told(own):
 
 @pytest.mark.parametrize(
     ("sensors", "number", "remaining"),
-    [
-        # Volts of another battery are not told with what is left of this one.
-        (FIRST, 1, 0.4),
-        # SYS_STATUS knows nothing of this one.
-        (SENSORS, 0, 0.7),
-    ],
+    # Volts of another battery are not told with what is left of this one; SYS_STATUS knows no more.
+    [(FIRST, 1, 0.4), (SENSORS, 0, 0.7)],
 )
 def test_a_battery_without_volts_is_told_without(own, sensors, number, remaining):
-    batteries(own, sensors, BatteryReport(number=number, remaining=remaining, voltage=None))
+    own.note(sensors, 0.0)
+    own.note(BatteryReport(number=number, remaining=remaining, voltage=None), 0.0)
     assert told(own, 1.0) == (remaining, None)
 
 
@@ -288,23 +272,14 @@ TURN_RATE, SLIP = 0.13, 0.1
 
 def after_laps(plan: FlightPlan, laps: float) -> tuple[NavigatedState, OwnVehicle, float]:
     """The last fix, and the true direction through the air."""
-    own = OwnVehicle(plan)
-    north = east = 0.0
-    direction = 0.0
-    navigated = None
+    own, place = OwnVehicle(plan), 0j
     for step in range(round(laps * math.tau / TURN_RATE / 0.04)):
-        direction = TURN_RATE * step * 0.04
-        velocity = (
-            AIRSPEED * math.cos(direction) + WIND_NORTH,
-            AIRSPEED * math.sin(direction) + WIND_EAST,
-        )
-        north, east = north + 0.04 * velocity[0], east + 0.04 * velocity[1]
-        time_s = step * 0.04
+        time_s, direction = step * 0.04, TURN_RATE * step * 0.04
+        velocity = cmath.rect(AIRSPEED, direction) + complex(WIND_NORTH, WIND_EAST)
+        place += 0.04 * velocity
         own.note(AirspeedReport(airspeed=SHOWN), time_s)
-        heading = direction + SLIP
-        navigated = own.take(
-            reported(time_s, north, east, velocity=velocity, heading=heading), time_s
-        )
+        flown = {"velocity": (velocity.real, velocity.imag), "heading": direction + SLIP}
+        navigated = own.take(reported(time_s, place.real, place.imag, **flown), time_s)
     assert navigated is not None
     return navigated, own, direction
 

@@ -1,6 +1,6 @@
 import pytest
 
-from tests.kit.missions import mission_with, plan_of, shipped
+from tests.kit.missions import mission_with, plan_of, shipped, with_vehicle
 from vfguide.companion.mission_plan import adapter_of, flight_plan
 from vfguide.companion.supervisor import ModeTimeouts
 from vfguide.mavlink.adapter import AutopilotSetpoint
@@ -9,8 +9,7 @@ from vfguide.mavlink.px4 import Px4
 
 
 def test_a_follower_knows_what_its_leader_flies():
-    known = plan_of(vehicle="f1").task.leader
-    leads = plan_of(vehicle="leader").task
+    known, leads = plan_of(vehicle="f1").task.leader, plan_of(vehicle="leader").task
     assert (known.path, known.path_gains) == (leads.path, leads.path_gains)
     assert known.airspeed == leads.airspeed == 20.0
     assert known.rate_filter_s == shipped("line-calm").controller.rate_filter_s
@@ -18,9 +17,7 @@ def test_a_follower_knows_what_its_leader_flies():
 
 @pytest.mark.parametrize(("lowest", "highest", "away"), [(12, 32, 20), (12, 18, 18), (22, 32, 22)])
 def test_a_follower_flies_away_at_its_leaders_airspeed_as_far_as_it_can(lowest, highest, away):
-    article = shipped("line-calm")
-    slow = article.vehicles["f1"].model_copy(update={"airspeed_range_m_s": (lowest, highest)})
-    changed = article.model_copy(update={"vehicles": {**article.vehicles, "f1": slow}})
+    changed = with_vehicle("line-calm", "f1", airspeed_range_m_s=(lowest, highest))
     assert flight_plan(changed, "f1").task.airspeed == away
 
 
@@ -51,12 +48,6 @@ def test_each_filter_has_its_own_time_constant():
         assert (settings.filters.position_s, settings.filters.wind_s) == (1.1, 0.7)
         assert settings.rate_filter_s == 0.3
     assert flight_plan(changed, "f1").task.leader.rate_filter_s == 0.3
-
-
-@pytest.mark.parametrize("name", ["f9", "", "LEADER"])
-def test_nobody_of_an_unknown_name_flies(name):
-    with pytest.raises(KeyError):
-        flight_plan(shipped("line-calm"), name)
 
 
 def test_each_autopilot_gets_its_own_adapter_which_takes_the_turn_that_the_bank_allows():

@@ -5,6 +5,7 @@ from tests.kit.companion import HEADING, SPEED, new_flight
 from tests.kit.wire import packed
 from vfguide.companion.alerts import Alerts
 from vfguide.companion.own_vehicle import RadioRoom
+from vfguide.companion.supervisor import Mode
 from vfguide.mavlink.adapter import AutopilotSetpoint, SetpointStream, Vehicle
 from vfguide.mavlink.ardupilot import ArduPlane
 from vfguide.mavlink.codec import Codec
@@ -41,20 +42,16 @@ def test_a_full_radio_is_not_filled_by_words_about_it():
 def test_halved_setpoints_are_every_other_one_each_of_them_whole():
     vehicle = Vehicle(system_id=2, component_id=1, hold="heading-hold", lateral_acceleration=9.8)
     adapter = ArduPlane(vehicle)
-    here = {"altitude_amsl": 588.0, "latitude_deg": 47.0, "longitude_deg": 8.0}
     stream = SetpointStream(adapter)
-    sent = []
-    for step in range(8):
-        asked = AutopilotSetpoint(course=0.1 * step, speed=20.0 + step, **here)
-        sent.append(len(stream.due(adapter.fly(asked), 0.1 * step, halved=True)))
-    assert sent == [2, 0] * 4
+
+    def sent(course: float, speed: float, now: float) -> int:
+        here = {"altitude_amsl": 588.0, "latitude_deg": 47.0, "longitude_deg": 8.0}
+        asked = adapter.fly(AutopilotSetpoint(course=course, speed=speed, **here))
+        return len(stream.due(asked, now, halved=True))
+
+    assert [sent(0.1 * step, 20.0 + step, 0.1 * step) for step in range(8)] == [2, 0] * 4
     # Whoever is asked more rarely than twice a second is told each time.
-    later = AutopilotSetpoint(course=1.0, speed=20.0, **here)
-    assert [len(stream.due(adapter.fly(later), 5.0 + time, halved=True)) for time in (0, 1, 2)] == [
-        2,
-        2,
-        2,
-    ]
+    assert [sent(1.0, 20.0, 5.0 + time_s) for time_s in range(3)] == [2, 2, 2]
 
 
 def free_percent(now: float) -> int | None:
@@ -72,25 +69,17 @@ def test_a_full_radio_carries_what_steers_and_heartbeats_alone_and_the_pilot_hea
     def between(what: int | str, begin_s: float, end_s: float) -> int:
         return sum(begin_s < time <= end_s for time in flown.times(what))
 
-    free, short, full, later = (10.0, 20.0), (21.0, 30.0), (31.0, 45.0), (51.0, 60.0)
-    for window in (free, short, full, later):
-        assert between("HEARTBEAT", *window) == round(window[1] - window[0])
-        assert between(HEADING, *window) + between(SPEED, *window) >= window[1] - window[0]
-    assert [between("NAMED_VALUE_FLOAT", *one) > 0 for one in (free, short, full, later)] == [
-        True,
-        False,
-        False,
-        True,
-    ]
-    assert [between("TIMESYNC", *one) > 0 for one in (free, short, full, later)] == [
-        True,
-        True,
-        False,
-        True,
-    ]
-    told = [text for _, text in flown.events if "radio to the autopilot is behind" in text]
+    # While it is free, short, full, and silent.
+    windows = [(10.0, 20.0), (21.0, 30.0), (31.0, 45.0), (51.0, 60.0)]
+    for begin_s, end_s in windows:
+        assert between("HEARTBEAT", begin_s, end_s) == round(end_s - begin_s)
+        assert between(HEADING, begin_s, end_s) + between(SPEED, begin_s, end_s) >= end_s - begin_s
+    curves = [between("NAMED_VALUE_FLOAT", *one) > 0 for one in windows]
+    assert curves == [True, False, False, True]
+    assert [between("TIMESYNC", *one) > 0 for one in windows] == [True, True, False, True]
+    told = flown.told("radio to the autopilot is behind")
     assert "40% of its buffer are free: setpoints at half their rate" in told[0]
-    assert flown.companion.snapshot.mode.value == "tracking"
+    assert flown.mode is Mode.TRACKING
 
 
 def test_a_full_radio_carries_no_requests_for_telemetry():
@@ -104,6 +93,5 @@ def test_a_full_radio_carries_no_requests_for_telemetry():
     )
     assert flown.times(SET_MESSAGE_INTERVAL) != []
     assert flown.later(SET_MESSAGE_INTERVAL, 30.0) == []
-    flown.forge = lambda _: b""
-    flown.run(53.0)
+    flown.run(53.0, forge=lambda _: b"")
     assert flown.later(SET_MESSAGE_INTERVAL, 45.0) != []

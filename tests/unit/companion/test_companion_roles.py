@@ -67,12 +67,10 @@ def test_a_leader_publishes_where_it_is_and_how_it_moves_and_counts_up(leader):
     assert [one.sequence - messages[0].sequence for one in messages] == [0, 1, 2]
     assert [one.time_s for one in messages] == pytest.approx(times)
     message = messages[0]
-    assert message.time_s == 3.0
-    assert message.latitude_deg == pytest.approx(47.397742, abs=1e-9)
-    assert message.longitude_deg == pytest.approx(8.545594, abs=1e-9)
-    assert message.altitude_amsl == 588.0
-    assert message.course == pytest.approx(0.8)
-    assert message.ground_speed == pytest.approx(20.0)
+    assert (message.time_s, message.altitude_amsl) == (3.0, 588.0)
+    place = (message.latitude_deg, message.longitude_deg)
+    assert place == pytest.approx((47.397742, 8.545594), abs=1e-9)
+    assert (message.course, message.ground_speed) == pytest.approx((0.8, 20.0))
     assert (message.acceleration, message.turn_rate, message.turn_acceleration) == (0.0, 0.0, 0.0)
 
 
@@ -144,13 +142,12 @@ def test_a_leaders_clock_is_read_by_way_of_the_followers_own():
     two_ahead = SharedClock(to_own=lambda time_s: time_s - 2.0)
     same = new_flight(link=ahead(0.0), until_s=20.0)
     mapped = new_flight(link=ahead(2.0), clock=two_ahead, until_s=20.0)
-    unmapped = new_flight(link=ahead(2.0), until_s=20.0)
-    assert mapped.sent == same.sent
-    assert mapped.events == same.events
+    unmapped = new_flight(link=ahead(2.0), until_s=20.0).companion
+    assert (mapped.sent, mapped.events) == (same.sent, same.events)
     assert mapped.companion.counters == same.companion.counters
     assert same.companion.snapshot.setpoint is not None
-    assert unmapped.companion.counters["from the future"] > 150
-    assert unmapped.companion.snapshot.setpoint is None
+    assert unmapped.counters["from the future"] > 150
+    assert unmapped.snapshot.setpoint is None
 
 
 @pytest.mark.parametrize(
@@ -193,16 +190,10 @@ def test_a_leader_whose_altitude_is_doubted_is_followed_up_its_helix():
         # On the second turn, by 20 m/s; from the fourth second on it says 60 m too much.
         now = 0.1 * step
         place = helix.at(2000.0 + 20.0 * now)
-        said = leader_bytes(
-            now,
-            north=place.north,
-            east=place.east,
-            altitude_amsl=made.altitude_amsl + place.height + (60.0 if now > 4.0 else 0.0),
-            course=math.remainder(place.course, math.tau),
-            turn_rate=20.0 / 300.0,
-            climb_rate=2.0,
-        )
-        role.receive(said, now)
+        high = made.altitude_amsl + place.height + (60.0 if now > 4.0 else 0.0)
+        motion = {"turn_rate": 20.0 / 300.0, "climb_rate": 2.0, "altitude_amsl": high}
+        motion["course"] = math.remainder(place.course, math.tau)
+        role.receive(leader_bytes(now, north=place.north, east=place.east, **motion), now)
         assert role.leader_age(now) == pytest.approx(0.0, abs=1e-6)
         assert role.followed.motion.height == pytest.approx(made.height + place.height, abs=1.0)
 
@@ -250,14 +241,13 @@ def test_an_order_that_the_others_fly_by_is_waited_for_by_radio_too(by_radio):
     made = plan_of(vehicle="f1")
     arrangements = Arrangements(made, SAME_CLOCK)
     role = FollowerRole(made, made.task, SAME_CLOCK, arrangements)
-    packed = decode(leader_bytes(1.0, arrangement=217_000_000))
+    state = decode(leader_bytes(1.0, arrangement=217_000_000))
     if by_radio:
-        body = encode_packet(
-            PackedKind.STATE, formation=4, sender=3, ticks=ticks_of(1.0), body=encode_motion(packed)
-        )
-        packed = decode_packet(body + bytes(TAG_SIZE)).state
-    role.receive(encode(packed), 1.0)
-    role.receive_neighbour("f2", encode(packed), 1.0)
+        header = {"formation": 4, "sender": 3, "ticks": ticks_of(1.0)}
+        packet = encode_packet(PackedKind.STATE, **header, body=encode_motion(state))
+        state = decode_packet(packet + bytes(TAG_SIZE)).state
+    role.receive(encode(state), 1.0)
+    role.receive_neighbour("f2", encode(state), 1.0)
     assert role.followed.motion is not None
     assert arrangements.waits(1.0)
 

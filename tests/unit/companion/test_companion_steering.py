@@ -16,6 +16,7 @@ from tests.kit.companion import (
     KINDS,
     SET_MODE,
     SPEED,
+    Flight,
     assert_left_alone,
     companion_of,
     leader_bytes,
@@ -23,7 +24,7 @@ from tests.kit.companion import (
 )
 from tests.kit.missions import content_of, plan_of
 from tests.kit.states import vehicle_at
-from tests.kit.wire import heartbeat, number_of, packed, parsed, position_report
+from tests.kit.wire import heartbeat, number_of, of_type, packed, parsed, position_report
 from vfguide.companion.follower_role import FollowerRole
 from vfguide.companion.mission_plan import flight_plan
 from vfguide.companion.own_vehicle import NavigatedState
@@ -88,15 +89,11 @@ def test_an_aircraft_that_stands_on_the_ground_is_borne(hold, hdg, name, system_
     for step in range(60):
         now = step / 20
         companion.receive_link(leader_bytes(now), now)
-        messages = [
-            heartbeat(),
-            mavlink.MAVLink_vfr_hud_message(0.0, 0.0, 0, 0, 488.0, 0.0),
-            position_report(time_boot_ms=step * 50, alt=488_000, hdg=hdg),
-        ]
-        said = packed(*messages, system_id=system_id, component_id=1)
-        for message in parsed(companion.receive_mavlink(said, now).to_autopilot):
-            if message.get_type() == "COMMAND_INT":
-                assert math.isfinite(message.param2)
+        airspeed = mavlink.MAVLink_vfr_hud_message(0.0, 0.0, 0, 0, 488.0, 0.0)
+        place = position_report(time_boot_ms=step * 50, alt=488_000, hdg=hdg)
+        said = packed(heartbeat(), airspeed, place, system_id=system_id, component_id=1)
+        out = parsed(companion.receive_mavlink(said, now).to_autopilot)
+        assert all(math.isfinite(message.param2) for message in of_type(out, "COMMAND_INT"))
     assert companion.snapshot.mode.steers
 
 
@@ -105,19 +102,20 @@ ORIGIN_M = 488.0
 
 
 @pytest.mark.parametrize(
-    ("guided", "asked"),
+    ("height", "climb_m", "asked"),
     [
         # The floor is 20 m above the origin; without a height the last one is held.
-        ((-300.0, 0.0), ORIGIN_M + 20.0),
-        ((35.0, -20.0), ORIGIN_M + 20.0),
-        ((math.nan, 0.0), ORIGIN_M + 100.0),
-        ((math.inf, 0.0), ORIGIN_M + 100.0),
-        ((100.0, math.nan), ORIGIN_M + 100.0),
-        ((30.0, 0.0), ORIGIN_M + 30.0),
+        (-300.0, 0.0, ORIGIN_M + 20.0),
+        (35.0, -20.0, ORIGIN_M + 20.0),
+        (math.nan, 0.0, ORIGIN_M + 100.0),
+        (math.inf, 0.0, ORIGIN_M + 100.0),
+        (100.0, math.nan, ORIGIN_M + 100.0),
+        (30.0, 0.0, ORIGIN_M + 30.0),
     ],
 )
-def test_no_altitude_that_is_sent_is_below_the_floor_or_no_number(monkeypatch, guided, asked):
-    height, climb_m = guided
+def test_no_altitude_that_is_sent_is_below_the_floor_or_no_number(
+    monkeypatch, height, climb_m, asked
+):
     bend_guidance(monkeypatch, 5.0, height=height, climb_m=climb_m)
     flown = new_flight(until_s=12.0)
     said = parsed(b"".join(data for time, data in flown.sent if time > 6.0))
@@ -126,7 +124,7 @@ def test_no_altitude_that_is_sent_is_below_the_floor_or_no_number(monkeypatch, g
     assert sent == pytest.approx([asked] * len(sent), abs=0.05)
     assert flown.times(HEADING)[-1] > 11.0
     complaints = [text for _, text in flown.texts() if "a height that is no number" in text]
-    assert len(complaints) == (0 if math.isfinite(height + climb_m) else 1)
+    assert len(complaints) == (not math.isfinite(height + climb_m))
 
 
 @pytest.mark.parametrize(
@@ -194,12 +192,10 @@ def test_a_course_that_follows_is_not_complained_of(course, wanted):
 
 def test_a_nose_that_turns_into_a_swinging_wind_follows_although_the_course_stays():
     # the setpoint stands 0.08 rad/s / 1.2 1/s = 0.067 rad ahead all the time
-    watch = TrackingMonitor(Airframe())
+    watch, setpoint = TrackingMonitor(Airframe()), Setpoint(course=0.067, speed=20.0)
     for step in range(1200):
         now = step / 20
-        flown = replace(vehicle_at(time_s=now), heading=0.08 * now)
-        setpoint = Setpoint(course=0.067, speed=20.0)
-        assert watch.watch(flown, setpoint) is None
+        assert watch.watch(replace(vehicle_at(time_s=now), heading=0.08 * now), setpoint) is None
 
 
 def test_what_was_ignored_before_does_not_count_against_the_next_turn():
@@ -236,9 +232,9 @@ def test_it_says_when_the_course_follows_again():
 @pytest.mark.parametrize(("off", "words"), [(25.0, "25 m above"), (-30.0, "30 m below")])
 def test_an_altitude_that_cannot_be_told_is_complained_of_once(off, words):
     watch = TrackingMonitor(Airframe())
-    texts = [watch.watch_altitude(off) for _ in range(10)]
-    assert words in str(texts[0])
-    assert texts[1:] == [None] * 9
+    first, *others = (watch.watch_altitude(off) for _ in range(10))
+    assert words in str(first)
+    assert others == [None] * 9
     assert watch.watch_altitude(5.0) is None
     assert watch.watch_altitude(off) is not None
 
@@ -249,26 +245,37 @@ REASON = "setpoint not flyable"
 @pytest.fixture
 def gate(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Stands for guidance that goes wrong: what it closes to counts as impossible to fly."""
-    made = SimpleNamespace(is_open=True)
-    judge = vfguide.companion.steering.is_flyable
-    monkeypatch.setattr(
-        vfguide.companion.steering, "is_flyable", lambda *wanted: made.is_open and judge(*wanted)
-    )
+    made, steering = SimpleNamespace(is_open=True), vfguide.companion.steering
+    judge = steering.is_flyable
+    monkeypatch.setattr(steering, "is_flyable", lambda *wanted: made.is_open and judge(*wanted))
     return made
 
 
-def unflyable(events: list[tuple[float, str]]) -> list[tuple[float, str]]:
-    return [one for one in events if "cannot be flown" in one[1]]
+def complained(flown: Flight) -> list[float]:
+    """When it was told that setpoints cannot be flown."""
+    return [time for time, text in flown.events if "cannot be flown" in text]
 
 
-def test_setpoints_that_cannot_be_flown_are_counted_and_told_once(gate):
+def test_setpoints_that_cannot_be_flown_are_told_once_and_the_vehicle_is_handed_back_soon(gate):
     flown = new_flight(until_s=10.0)
     assert flown.companion.counters[REASON] == 0
     gate.is_open = False
+    # Looked at once a second: 0.9 s after the first of them is too early.
+    flown.run(11.5)
+    assert_left_alone(flown, "GUIDED", since_s=10.0)
     flown.run(15.0)
     assert flown.companion.counters[REASON] == 50
-    assert [time for time, _ in unflyable(flown.events)] == [pytest.approx(10.1)]
+    assert complained(flown) == [pytest.approx(10.1)]
     assert flown.later(HEADING, 10.0) == []
+    assert flown.later(SET_MODE, 10.0) == [12.0]
+    assert flown.autopilot_mode == "LOITER"
+    # It is steered again once its pilot says so.
+    gate.is_open = True
+    flown.run(20.0)
+    assert flown.autopilot_mode == "LOITER"
+    flown.pilot("GUIDED", until_s=85.0)
+    assert flown.later(HEADING, 10.0)[0] == pytest.approx(20.1)
+    assert flown.state == (Mode.TRACKING, "GUIDED")
 
 
 def test_the_complaint_is_a_warning(gate):
@@ -280,18 +287,6 @@ def test_the_complaint_is_a_warning(gate):
     assert not out.steered
 
 
-def test_after_more_than_a_second_of_them_the_vehicle_is_handed_back(gate):
-    flown = new_flight(until_s=10.0)
-    gate.is_open = False
-    # Looked at once a second: 0.9 s after the first of them is too early.
-    flown.run(11.5)
-    assert_left_alone(flown, "GUIDED", since_s=10.0)
-    flown.run(15.0)
-    assert flown.later(SET_MODE, 10.0) == [12.0]
-    assert flown.autopilot_mode == "LOITER"
-    assert len(unflyable(flown.events)) == 1
-
-
 def test_a_moment_without_them_passes_by_itself(gate):
     flown = new_flight(until_s=10.0)
     gate.is_open = False
@@ -300,27 +295,11 @@ def test_a_moment_without_them_passes_by_itself(gate):
     flown.run(40.0)
     assert flown.later(HEADING, 10.0)[0] == pytest.approx(10.6)
     assert flown.later(SET_MODE, 10.0) == []
-    assert flown.mode_at(40.0) is Mode.TRACKING
+    assert flown.mode is Mode.TRACKING
     # The next time is told again.
     gate.is_open = False
     flown.run(41.0)
-    assert [time for time, _ in unflyable(flown.events)] == [
-        pytest.approx(10.1),
-        pytest.approx(40.1),
-    ]
-
-
-def test_a_vehicle_that_was_handed_back_is_steered_again_once_its_pilot_says_so(gate):
-    flown = new_flight(until_s=10.0)
-    gate.is_open = False
-    flown.run(15.0)
-    gate.is_open = True
-    flown.run(20.0)
-    assert flown.autopilot_mode == "LOITER"
-    flown.pilot("GUIDED", until_s=85.0)
-    assert flown.later(HEADING, 10.0)[0] == pytest.approx(20.1)
-    assert flown.autopilot_mode == "GUIDED"
-    assert flown.mode_at(85.0) is Mode.TRACKING
+    assert complained(flown) == pytest.approx([10.1, 40.1])
 
 
 def test_autopilots_that_need_a_stream_are_not_engaged_without_one(gate):

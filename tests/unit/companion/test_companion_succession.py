@@ -1,6 +1,7 @@
 """Who leads: terms, turns of the deputies, and many vehicles that hear each other now and then."""
 
 import math
+from itertools import pairwise
 
 import pytest
 from hypothesis import settings
@@ -108,13 +109,12 @@ def test_after_a_blackout_of_the_link_the_leader_has_as_long_as_ever():
 
 
 def test_a_leader_that_its_pilot_takes_is_succeeded_although_it_is_heard():
-    one = followed()
-    now, leads = 10.0, False
-    while not leads and now < 15.0:
+    one, now = followed(), 10.0
+    while not one.leads and now < 15.0:
         now += STEP_S
         one.hear_leader("leader", 0, now, steered=False)
         assert one.is_leaving(now)
-        leads = one.step(now, eligible=True)
+        one.step(now, eligible=True)
     assert now == pytest.approx(10.0 + STEP_S + UNSTEERED_S, abs=2.0 * STEP_S)
 
 
@@ -174,43 +174,38 @@ def test_a_leader_that_comes_back_follows_the_one_who_leads_by_now():
     assert (one.leads, one.holder) == (False, "f1")
 
 
-def test_a_leader_whose_followers_obey_a_lost_deputy_leads_them_in_a_new_term():
+@pytest.mark.parametrize("heard", [False, True])
+def test_a_leader_whose_followers_obey_a_deputy_that_is_lost_leads_them_in_a_new_term(heard):
     one = started(leads=True)
-    # f2 led f3 in term 1, was heard by f3 alone, and died.
+    # f2 led f3 in term 1, was heard by f3 alone, and died, or is heard in time.
     one.hear_other(1, 10.0)
     one.step(10.0, eligible=True)
+    if heard:
+        assert one.hear_leader("f2", 1, 10.5, steered=True)
+        one.step(20.0, eligible=False)
+        assert (one.leads, one.holder, one.term) == (False, "f2", 1)
+        return
     one.step(10.0 + VACANT_S - STEP_S, eligible=True)
     assert (one.leads, one.term) == (True, 0)
-    # It has led before, too: nothing begins.
+    # It has led before, too: nothing begins. Terms 1 to 3 are a round; the next of the leader's is 6.
     assert not one.step(10.0 + VACANT_S, eligible=True)
-    # Terms 1 to 3 are a round; the next of the leader's is 6.
     assert (one.leads, one.term) == (True, 6)
 
 
 def test_two_leaders_that_do_not_hear_each_other_take_no_turns():
     one, other = started(leads=True), followed()
-    now, changes, terms = 10.0, 0, (0, 0)
+    now, terms = 10.0, [(0, 0)]
     while now < 130.0:
         now += STEP_S
         # f3 hears both and obeys the higher term; each of them hears f3 alone.
         highest = max(one.term, other.term)
-        one.hear_other(highest, now)
-        other.hear_other(highest, now)
-        one.step(now, eligible=True)
-        other.step(now, eligible=True)
-        changes += (one.term, other.term) != terms
-        terms = one.term, other.term
+        for leader in (one, other):
+            leader.hear_other(highest, now)
+            leader.step(now, eligible=True)
+        terms.append((one.term, other.term))
+    changes = sum(then != before for before, then in pairwise(terms))
     # After 3, 3, 6, 6, 12, 12, 24 and 24 s, and f1's first time.
     assert 5 <= changes <= 10
-
-
-def test_a_leader_that_hears_its_successor_in_time_follows_it():
-    one = started(leads=True)
-    one.hear_other(1, 10.0)
-    one.step(10.0, eligible=True)
-    assert one.hear_leader("f2", 1, 10.5, steered=True)
-    one.step(20.0, eligible=False)
-    assert (one.leads, one.holder, one.term) == (False, "f2", 1)
 
 
 def test_no_state_with_an_impossible_term_ends_succession():

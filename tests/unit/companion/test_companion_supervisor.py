@@ -103,10 +103,8 @@ def test_where_nobody_knows_the_mode_nothing_is_steered_and_nothing_forgotten(be
     ],
 )
 def test_what_was_given_back_is_lost_until_the_leader_is_heard(telemetry_age, leader_age, after):
-    found = following(
-        LOST, control=Control.RETURNED, telemetry_age=telemetry_age, leader_age=leader_age
-    )
-    assert found is after
+    ages = {"telemetry_age": telemetry_age, "leader_age": leader_age}
+    assert following(LOST, control=Control.RETURNED, **ages) is after
 
 
 @pytest.mark.parametrize("before", [WAITING, JOINING, PREDICTING, BREAKAWAY, LOST, PILOT])
@@ -118,18 +116,20 @@ def test_within_ten_metres_it_has_arrived_and_only_beyond_twenty_it_has_strayed(
     assert following(TRACKING, distance=20.001) is JOINING
 
 
-def test_patience_is_what_decides():
-    situation = Situation(
-        control=Control.GUIDED, telemetry_age=2.0, leader_age=2.0, steered=True, distance=15.0
-    )
-    patient = ModeTimeouts(telemetry_s=3.0, leader_s=3.0, arrived_m=16.0)
-    assert next_mode(JOINING, situation, patient) is TRACKING
-    assert next_mode(JOINING, situation, ModeTimeouts(telemetry_s=3.0, leader_s=1.0)) is PREDICTING
-    hasty = ModeTimeouts(telemetry_s=3.0, prediction_s=1.5, breakaway_s=0.5)
-    assert next_mode(JOINING, situation, hasty) is BREAKAWAY
-    at_once = ModeTimeouts(telemetry_s=3.0, prediction_s=1.9, breakaway_s=0.0)
-    assert next_mode(JOINING, situation, at_once) is LOST
-    assert next_mode(JOINING, situation, ModeTimeouts()) is WAITING
+@pytest.mark.parametrize(
+    ("changes", "after"),
+    [
+        ({"telemetry_s": 3.0, "leader_s": 3.0, "arrived_m": 16.0}, TRACKING),
+        ({"telemetry_s": 3.0, "leader_s": 1.0}, PREDICTING),
+        ({"telemetry_s": 3.0, "prediction_s": 1.5, "breakaway_s": 0.5}, BREAKAWAY),
+        ({"telemetry_s": 3.0, "prediction_s": 1.9, "breakaway_s": 0.0}, LOST),
+        ({}, WAITING),
+    ],
+)
+def test_patience_is_what_decides(changes, after):
+    ages = {"telemetry_age": 2.0, "leader_age": 2.0}
+    situation = Situation(control=Control.GUIDED, steered=True, distance=15.0, **ages)
+    assert next_mode(JOINING, situation, ModeTimeouts(**changes)) is after
 
 
 def test_setpoints_go_out_while_joining_tracking_predicting_and_breaking_away_only():
@@ -220,26 +220,28 @@ class Vehicle:
         self.authority.hear(report, now)
         return bool(self.authority.commands(wish, now, age_s=0.1))
 
-    def leave(self) -> None:
-        """It is steered for 6 s, and handed back into a loiter; the last heartbeat at 11 s."""
-        for now in range(6):
-            self.beat(GUIDED, float(now))
-            self.authority.note_steering()
-        assert self.beat(GUIDED, 6.0, Wish.RETURN)
-        for now in range(7, 12):
-            self.beat(LOITER, float(now))
-        assert self.authority.control(11.0) is Control.RETURNED
-
     def engages(self, from_s: int) -> bool:
         """Whether an order back leads to a command within 6 s."""
         self.authority.renew()
         return any(self.beat(LOITER, float(from_s + s), Wish.STEER) for s in range(6))
 
 
-def test_a_vehicle_that_was_watched_all_the_time_is_engaged_again():
+@pytest.fixture
+def left() -> Vehicle:
+    """Steered for 6 s, and handed back into a loiter; the last heartbeat at 11 s."""
     vehicle = Vehicle()
-    vehicle.leave()
-    assert vehicle.engages(12)
+    for now in range(6):
+        vehicle.beat(GUIDED, float(now))
+        vehicle.authority.note_steering()
+    assert vehicle.beat(GUIDED, 6.0, Wish.RETURN)
+    for now in range(7, 12):
+        vehicle.beat(LOITER, float(now))
+    assert vehicle.authority.control(11.0) is Control.RETURNED
+    return vehicle
+
+
+def test_a_vehicle_that_was_watched_all_the_time_is_engaged_again(left):
+    assert left.engages(12)
 
 
 def unheard(vehicle: Vehicle) -> None:
@@ -258,11 +260,11 @@ def failing(vehicle: Vehicle) -> None:
 
 
 @pytest.mark.parametrize(("happens", "from_s"), [(unheard, 80), (rebooted, 13), (failing, 13)])
-def test_a_vehicle_is_left_to_its_pilot_after_what_ends_the_right_to_engage_it(happens, from_s):
-    vehicle = Vehicle()
-    vehicle.leave()
-    happens(vehicle)
-    assert not vehicle.engages(from_s)
-    assert vehicle.authority.control(from_s + 5.0) is Control.PILOT
-    said = [one.text for one in vehicle.alerts.heard(from_s + 5.0)]
+def test_a_vehicle_is_left_to_its_pilot_after_what_ends_the_right_to_engage_it(
+    left, happens, from_s
+):
+    happens(left)
+    assert not left.engages(from_s)
+    assert left.authority.control(from_s + 5.0) is Control.PILOT
+    said = [one.text for one in left.alerts.heard(from_s + 5.0)]
     assert any(text.startswith("ordered back into the formation: select GUIDED") for text in said)
