@@ -258,12 +258,6 @@ def test_nonsense_on_the_link_changes_nothing_but_a_counter(nonsense):
     assert dict(gained) == {nonsense.__name__.replace("_", " "): received}
 
 
-def test_a_leader_state_that_comes_late_is_used_if_it_is_the_newest():
-    flown = new_flight(link=lambda now: [leader_bytes(now - 0.3)], until_s=40.0)
-    assert flown.companion.counters["not newer"] == 0
-    assert flown.companion.snapshot.mode.value == "tracking"
-
-
 def test_the_leader_publishes_the_same_bytes_for_the_same_inputs():
     first = new_flight("leader", link=lambda _now: [], until_s=10.0)
     second = new_flight("leader", link=lambda now: [b"junk" * int(now)], until_s=10.0)
