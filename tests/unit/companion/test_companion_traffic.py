@@ -1,6 +1,7 @@
 """Where a vehicle believes the others to be, what they may do, and what height beside them is worth."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,10 @@ def traffic() -> Traffic:
 def beside(time_s: float, east: float = 10.0, **changes: Any) -> Viewpoint:
     """Abreast of a vehicle that was 200 m north at 10 s and flies north at 20 m/s."""
     return view(time_s, 200.0 + 20.0 * (time_s - 10.0), east, reaction_s=1.5, **changes)
+
+
+def windy(wind: Callable[[float], complex], time_s: float, *, east: float = 7.0) -> Viewpoint:
+    return beside(time_s, east, wind=wind(time_s))
 
 
 def led(time_s: float) -> LeaderState:
@@ -233,11 +238,10 @@ def test_one_that_fell_silent_may_fly_straight_on_along_the_course_that_it_was_t
 
 
 def test_one_that_holds_its_course_holds_its_airspeed_too():
-    def here(now: float) -> Viewpoint:
-        return replace(beside(now), wind=0j if now <= 11.0 else 12.0j)
-
     # 20 m/s until 11 s; in 12 m/s from the side 16 m/s are left along the course, 32 m by 13 s.
-    held = watched(both(), 3.0, here, once(course_setpoint=0.0)).tracks[1]
+    silent = once(course_setpoint=0.0)
+    here = partial(windy, lambda now: 0j if now <= 11.0 else 12.0j, east=10.0)
+    held = watched(both(), 3.0, here, silent).tracks[1]
     assert held[0] == pytest.approx(252.0, abs=1.0)
     assert held[1] - held[0] == pytest.approx(16.0 * STEP_S, abs=0.01)
 
@@ -362,10 +366,7 @@ def test_one_whose_place_is_doubted_may_be_at_either_place(traffic):
 
 def test_a_silent_vehicle_is_not_carried_off_by_a_wind_that_has_not_changed():
     # As the leader sees it: 8 m/s of tail wind all along, and a state of 10 s that no other followed.
-    def here(now: float) -> Viewpoint:
-        return replace(beside(now, east=7.0), wind=8.0 + 0j)
-
-    heard = followers()
+    here, heard = partial(windy, lambda _now: 8.0 + 0j), followers()
     heard.receive("f2", leader_bytes(10.0), 10.0)
     heard.receive("f3", far_away(10.0), 10.0)
     assert heard.possibilities(here(10.0), None) is None
@@ -379,10 +380,7 @@ def test_a_silent_vehicle_is_not_carried_off_by_a_wind_that_has_not_changed():
 @pytest.mark.parametrize("told", [{"course_setpoint": 0.0}, {}])
 def test_a_silent_vehicle_is_carried_by_the_wind_as_it_has_been_and_not_as_it_is(told):
     # 6 m/s of head wind from 11 to 15 s, and as much from behind since then.
-    def here(now: float) -> Viewpoint:
-        wind = 0.0 if now <= 11.0 else -6.0 if now <= 15.0 else 6.0
-        return replace(beside(now, east=7.0), wind=complex(wind))
-
+    here = partial(windy, lambda now: 0j if now <= 11.0 else -6.0 + 0j if now <= 15.0 else 6.0 + 0j)
     tracks = watched(followers(), 6.0, here, once(**told), leads=True).tracks
     # 200 m north at 10 s and 20 m/s, 24 m back and 6 m on: 302 m at 16 s.
     assert tracks[:, 0].real == pytest.approx(302.0, abs=1.0)
@@ -393,9 +391,7 @@ def test_a_silent_vehicle_is_carried_by_the_wind_as_it_has_been_and_not_as_it_is
 
 def test_a_state_that_comes_late_after_a_silence_says_where_its_vehicle_is(traffic):
     # 6 m/s from behind since 11 s, as the own vehicle measures; a state of 15 s is heard at 16 s.
-    def here(now: float) -> Viewpoint:
-        return replace(beside(now, east=7.0), wind=complex(0.0 if now <= 11.0 else 6.0))
-
+    here = partial(windy, lambda now: 0j if now <= 11.0 else 6.0 + 0j)
     traffic.receive("f2", leader_bytes(10.0), 10.0)
     for step in range(121):
         now = 10.0 + 0.05 * step
