@@ -1,6 +1,7 @@
 import math
 from typing import Literal
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -224,6 +225,28 @@ def test_the_turn_is_that_of_the_bank_flown(efficiency):
     rate = math.remainder(states[-1].direction_rad - states[-201].direction_rad, math.tau)
     # g tan(30 deg) / 20 = 0.28310 rad/s
     assert rate == pytest.approx(efficiency * 0.28310, abs=1e-4)
+
+
+def test_a_speed_step_starts_as_steeply_as_measured_and_overshoots():
+    states = flown(TECS, held(speed_m_s=25.0), 60.0)
+    first = (states[40].speed_m_s - states[0].speed_m_s) / 0.2
+    assert first == pytest.approx(2.5, abs=0.01)
+    assert 25.2 < max(one.speed_m_s for one in states) < 26.0
+    assert states[-1].speed_m_s == pytest.approx(25.0, abs=0.1)
+
+
+def test_a_slow_sinusoid_of_speed_comes_out_as_large_and_as_late_as_measured():
+    # Measured on ArduPlane with the dead time of 0.5 s: gain 0.93 to 1.07, 2.2 to 2.4 s late.
+    omega, step_s = math.tau / 24.0, 0.02
+    states = flown(
+        TECS, lambda t: held(speed_m_s=20.0 + 1.5 * math.sin(omega * t)), 240.0, step_s=step_s
+    )
+    swings = np.array([one.speed_m_s for one in states]) - 20.0
+    # The last two periods. Of a sine that is late by p the wave's angle is -pi / 2 - p.
+    last = np.arange(round(192.0 / step_s), swings.size)
+    wave = np.mean(swings[last] * np.exp(-1j * omega * step_s * last)) * 2.0 / 1.5
+    assert 0.93 < abs(wave) < 1.07
+    assert 2.2 < (-math.pi / 2.0 - np.angle(wave)) / omega + TECS.speed_delay_s < 2.4
 
 
 def test_height_gives_way_by_some_metres_while_the_speed_changes():
