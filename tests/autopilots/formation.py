@@ -172,8 +172,8 @@ def airborne(plan: Plan) -> Iterator[Formation]:
         hears = {name: free_port(socket.SOCK_DGRAM) for name in mission.companions}
         heard = mission.rehearsal.leader_telemetry
         relay = Relay(
-            simulators[mission.leader.vehicle].tcp_port,
-            list(hears.values()),
+            source_port=simulators[mission.leader.vehicle].tcp_port,
+            targets=list(hears.values()),
             system_id=mission.leader_vehicle.system_id,
             rate_hz=heard.rate_hz,
             late_s=heard.delay_s,
@@ -272,15 +272,9 @@ def hand_over(name: str, formation: Formation) -> None:
 def fly(
     plan: Plan, duration_s: float, faults: Sequence[Occurrence] = ()
 ) -> tuple[Verdict, dict[str, list[tuple[float, int]]]]:
-    """Fly a mission and judge it.
+    """Fly a mission for some time from when all pilots have selected the guided mode, and judge it.
 
-    Args:
-        plan: what is to be flown.
-        duration_s: how long, from the moment at which all pilots have selected the guided mode.
-        faults: what goes wrong, in the order of time.
-
-    Returns:
-        The verdict, and each vehicle's changes of mode: s after the pilots' selection, and the number.
+    Return the verdict, and each vehicle's changes of mode: s after that, and the number.
     """
     with airborne(plan) as formation:
         pass_time(formation, duration_s, faults)

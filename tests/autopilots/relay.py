@@ -5,6 +5,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -18,50 +19,38 @@ WAIT_S = 0.02
 """Longest wait for bytes before what is late is looked at."""
 
 
+@dataclass(slots=True, kw_only=True)
 class Relay:
     """A router between one autopilot's TCP port and several UDP ports of this computer."""
 
-    def __init__(
-        self,
-        source_port: int,
-        targets: Sequence[int],
-        *,
-        system_id: int,
-        rate_hz: float,
-        late_s: float,
-    ) -> None:
-        """Prepare it.
-
-        Args:
-            source_port: TCP port of the autopilot.
-            targets: UDP ports of those who listen.
-            system_id: of the autopilot.
-            rate_hz: of GLOBAL_POSITION_INT.
-            late_s: how long each message is held back, both ways.
-        """
-        self._source_port = source_port
-        self._targets = [("127.0.0.1", port) for port in targets]
-        self._system_id = system_id
-        self._rate_hz = rate_hz
-        self._late_s = late_s
-        self._ends = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
+    source_port: int
+    targets: Sequence[int]
+    system_id: int
+    """Of the autopilot."""
+    rate_hz: float
+    """Of GLOBAL_POSITION_INT."""
+    late_s: float
+    """How long each message is held back, both ways."""
+    _ends: threading.Event = field(default_factory=threading.Event)
+    _thread: threading.Thread | None = None
 
     def start(self) -> None:
         """Begin to pass on."""
+        self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
         """End it."""
         self._ends.set()
-        self._thread.join()
+        if self._thread is not None:
+            self._thread.join()
 
     def _run(self) -> None:
         framer = StreamFramer()
         said, asked = deque[tuple[float, bytes]](), deque[tuple[float, bytes]]()
         asked_s = 0.0
         udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        with socket.create_connection(("127.0.0.1", self._source_port)) as tcp, udp:
+        with socket.create_connection(("127.0.0.1", self.source_port)) as tcp, udp:
             udp.bind(("127.0.0.1", 0))
             udp.settimeout(0.0)
             tcp.settimeout(WAIT_S)
@@ -74,19 +63,19 @@ class Relay:
                     frames = framer.feed(tcp.recv(65536))
                 except TimeoutError:
                     frames = []
-                said.extend((now + self._late_s, frame) for frame in frames)
-                asked.extend((now + self._late_s, question) for question in received(udp))
+                said.extend((now + self.late_s, frame) for frame in frames)
+                asked.extend((now + self.late_s, question) for question in received(udp))
                 for data in due(asked, now):
                     tcp.sendall(data)
                 for data in due(said, now):
-                    for target in self._targets:
-                        udp.sendto(data, target)
+                    for port in self.targets:
+                        udp.sendto(data, ("127.0.0.1", port))
 
     def _request(self) -> bytes:
         """SET_MESSAGE_INTERVAL for the position."""
         number = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-        wanted = (mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 1e6 / self._rate_hz)
-        return packed(command_long(number, *wanted, system_id=self._system_id), system_id=254)
+        wanted = (mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 1e6 / self.rate_hz)
+        return packed(command_long(number, *wanted, system_id=self.system_id), system_id=254)
 
 
 def due(held: deque[tuple[float, bytes]], now: float) -> Iterator[bytes]:

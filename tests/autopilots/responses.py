@@ -132,13 +132,7 @@ def send_setpoint(aircraft: Emulated, kind: str, value: float) -> None:
 
 
 def emulated(recorded: Slice, *, mirrored: bool = False, **changes: object) -> Followed:
-    """How the emulator follows the setpoints of a slice.
-
-    Args:
-        recorded: the slice.
-        mirrored: whether it is sent the courses with the opposite sign.
-        changes: to the settings of the emulator.
-    """
+    """How the emulator, with some settings changed, follows the setpoints of a slice, or mirrored ones."""
     aircraft = aircraft_at_start(recorded, **changes)
     side = -1.0 if mirrored else 1.0
     sent = [(time_s, "course", side * value % 360.0) for time_s, value in recorded.courses_deg]

@@ -10,8 +10,6 @@ import argparse
 import shlex
 import signal
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -21,16 +19,21 @@ from tests.autopilots.verdict import MOST_LOST_S
 from tests.benchmarks.results import Figures, append, row
 from vfguide.errors import VfguideError
 
-ARDUPLANE = "missions/ardupilot-sitl.yaml"
-PX4 = "missions/px4-sitl.yaml --program px4"
+MISSIONS = {
+    "arduplane": "missions/ardupilot-sitl.yaml",
+    "px4": "missions/px4-sitl.yaml --program px4",
+}
 
-EVERY_VEHICLE = "--with '{{vehicles: {{defaults: {{{}}}}}}}'"
-"""Fields of all vehicles."""
+
+def every_vehicle(fields: str) -> str:
+    """The option that changes fields of all vehicles."""
+    return f"--with '{{vehicles: {{defaults: {{{fields}}}}}}}'"
+
 
 LINE = "--with '{path: {type: line, point: {north_m: 0, east_m: 0}, course_deg: 45, gain: 0.01}}'"
 TIGHT = "--with '{{path: {{radius_m: 150, centre: {{north_m: 200, east_m: 0}}, direction: {}}}}}'"
 
-NOTHING_DECLARED = EVERY_VEHICLE.format(
+NOTHING_DECLARED = every_vehicle(
     "response: auto, slips: auto, alpha_1_s: null, beta_1_s: null, course_dead_time_s: null,"
     " course_lag_s: null, speed_dead_time_s: null"
 )
@@ -49,61 +52,48 @@ def with_slots(name: str) -> str:
     return f"--with '{{followers: [{slots}]}}'"
 
 
-@dataclass(frozen=True, slots=True)
-class FlownRow:
-    """A row of the tables of real autopilots."""
+WIND, GALE = "--wind 5,270", "--wind 8,270 --turbulence 2"
+MAVSDK = "autopilot: mavsdk"
+BY_POSITIONS = "px4_steering: position"
 
-    what: str
-    """What is flown, for who reads the table."""
-    options: str
-    """What `python -m tests.autopilots.fly_sitl` is told."""
-
-
-ROWS: Mapping[str, FlownRow] = {
-    "arduplane-circle": FlownRow("circle of 250 m, 5 m/s of wind", f"{ARDUPLANE} --wind 5,270"),
-    "arduplane-line": FlownRow("line, 5 m/s", f"{ARDUPLANE} --wind 5,270 {LINE}"),
-    "arduplane-tight": FlownRow(
-        "circle of 150 m", f"{ARDUPLANE} --wind 5,270 {TIGHT.format('clockwise')}"
-    ),
-    "arduplane-tight-left": FlownRow(
+ROWS = {
+    "arduplane-circle": ("circle of 250 m, 5 m/s of wind", WIND),
+    "arduplane-line": ("line, 5 m/s", f"{WIND} {LINE}"),
+    "arduplane-tight": ("circle of 150 m", f"{WIND} {TIGHT.format('clockwise')}"),
+    "arduplane-tight-left": (
         "circle of 150 m, left turns",
-        f"{ARDUPLANE} --wind 5,270 {TIGHT.format('counterclockwise')}",
+        f"{WIND} {TIGHT.format('counterclockwise')}",
     ),
-    "arduplane-auto": FlownRow(
+    "arduplane-auto": (
         "factory parameters, nothing declared",
-        f"{ARDUPLANE} --wind 5,270 --factory {NOTHING_DECLARED}",
+        f"{WIND} --factory {NOTHING_DECLARED}",
     ),
-    "arduplane-gusts": FlownRow(
-        "circle, SIM_WIND_TURB 1", f"{ARDUPLANE} --wind 5,270 --turbulence 1"
-    ),
-    "arduplane-gale": FlownRow(
-        "8 m/s, SIM_WIND_TURB 2", f"{ARDUPLANE} --wind 8,270 --turbulence 2"
-    ),
-    "arduplane-gale-wide": FlownRow(
-        "8 m/s, SIM_WIND_TURB 2, wide slots",
-        f"{ARDUPLANE} --wind 8,270 --turbulence 2 {with_slots('wide')}",
-    ),
-    "arduplane-gale-abreast": FlownRow(
+    "arduplane-gusts": ("circle, SIM_WIND_TURB 1", f"{WIND} --turbulence 1"),
+    "arduplane-gale": ("8 m/s, SIM_WIND_TURB 2", GALE),
+    "arduplane-gale-wide": ("8 m/s, SIM_WIND_TURB 2, wide slots", f"{GALE} {with_slots('wide')}"),
+    "arduplane-gale-abreast": (
         "8 m/s, SIM_WIND_TURB 2, abreast",
-        f"{ARDUPLANE} --wind 8,270 --turbulence 2 {with_slots('abreast')}",
+        f"{GALE} {with_slots('abreast')}",
     ),
-    "px4-circle": FlownRow("circle of 200 m, calm", PX4),
-    "px4-line": FlownRow("line, calm", f"{PX4} {LINE}"),
-    "px4-position": FlownRow(
-        "steered by positions",
-        f"{PX4} --guided OFFBOARD {EVERY_VEHICLE.format('px4_steering: position')}",
-    ),
-    "px4-auto": FlownRow(
+    "px4-circle": ("circle of 200 m, calm", ""),
+    "px4-line": ("line, calm", LINE),
+    "px4-position": ("steered by positions", f"--guided OFFBOARD {every_vehicle(BY_POSITIONS)}"),
+    "px4-auto": (
         "4 m/s of wind, factory parameters, nothing declared",
-        f"{PX4} --factory --wind 4,270 {EVERY_VEHICLE.format('response: auto')}",
+        f"--factory --wind 4,270 {every_vehicle('response: auto')}",
     ),
-    "px4-mavsdk": FlownRow("by MAVSDK", f"{PX4} {EVERY_VEHICLE.format('autopilot: mavsdk')}"),
-    "px4-mavsdk-position": FlownRow(
+    "px4-mavsdk": ("by MAVSDK", every_vehicle(MAVSDK)),
+    "px4-mavsdk-position": (
         "by MAVSDK, positions",
-        f"{PX4} --guided OFFBOARD"
-        f" {EVERY_VEHICLE.format('autopilot: mavsdk, px4_steering: position')}",
+        f"--guided OFFBOARD {every_vehicle(f'{MAVSDK}, {BY_POSITIONS}')}",
     ),
 }
+"""Rows of the tables: what is flown, for who reads them, and options of `fly_sitl` beside the mission."""
+
+
+def told(name: str) -> list[str]:
+    """What `python -m tests.autopilots.fly_sitl` is told for a row."""
+    return shlex.split(f"{MISSIONS[name.partition('-')[0]]} {ROWS[name][1]}")
 
 
 def main() -> int:
@@ -143,11 +133,11 @@ def fly_row(name: str, duration_s: float, keep: Path | None) -> tuple[Figures, f
     cut. What all said is kept below a directory.
     """
     began = f"{datetime.now(UTC):%Y-%m-%dT%H%M%SZ}"
-    told = [*shlex.split(ROWS[name].options), "--duration", f"{duration_s:g}"]
-    told += ["--keep", str(keep / f"{name}-{began}")] if keep else []
-    _, verdict = flown(arguments().parse_args(told), record=True)
+    options = [*told(name), "--duration", f"{duration_s:g}"]
+    options += ["--keep", str(keep / f"{name}-{began}")] if keep else []
+    _, verdict = flown(arguments().parse_args(options), record=True)
     figures = {
-        "what": ROWS[name].what,
+        "what": ROWS[name][0],
         "mean_m": verdict.intended.mean,
         "p95_m": verdict.intended.p95,
         "max_m": verdict.intended.max,

@@ -44,13 +44,7 @@ def steered_but_for_a_pilots_rtl(
 ) -> Verdict:
     """Three of four hold their slots; the third follower's pilot selects RTL, and it outlives its companion.
 
-    Args:
-        plan: the flight.
-        more: what else happens, and when, s.
-        rtl_at_s: when RTL is selected, s.
-        guided: the guided mode's number in heartbeats.
-        rtl: the number of the mode in which it returns.
-        deputy: name of the vehicle that leads at the end, if the leader does not.
+    Modes are given by their numbers in heartbeats; the deputy is who leads at the end, if not the leader.
     """
     happens = sorted([(rtl_at_s, FAULTS["pilot-rtl-restart"]), *more], key=lambda one: one[0])
     occurrences = [Occurrence(what, at_s) for at_s, what in happens]

@@ -160,13 +160,9 @@ def flight_record(
     tracks: dict[str, TrueTrack],
     guidance: Mapping[str, GuidanceTrack],
 ) -> FlightRecord:
-    """The flight as reports have it; what an observer on the ground does not know is no number.
+    """The flight as reports have it, at samples of its clock; what nobody on the ground knows is no number.
 
-    Args:
-        mission: that was flown.
-        time_s: samples (N) of the flight's clock.
-        tracks: where everybody truly was.
-        guidance: what companions recorded, at times from the first sample on: ordered slots, and who led.
+    What companions recorded, at times from the first sample on, tells ordered slots and who led.
     """
     since_s = time_s - time_s[0]
     names = [mission.leader.vehicle, *mission.followers_by_name]
@@ -243,14 +239,7 @@ def judge(
     faults: Sequence[Occurrence] = (),
     guidance: Mapping[str, GuidanceTrack] | None = None,
 ) -> Verdict:
-    """Judge a flight.
-
-    Args:
-        record: where everybody truly was.
-        tracks: the same, with what is known of the simulators' clocks.
-        faults: what went wrong, in the order of time.
-        guidance: what companions recorded, at times of the record.
-    """
+    """Judge a flight by where everybody truly was, with faults in the order of time."""
     time_s, window = record.time_s, in_window(record)
     from_s, last_s = float(time_s[window][0]), float(time_s[-1])
     intended = intended_leader(record.reference)

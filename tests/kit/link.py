@@ -10,6 +10,7 @@ from typing import Any
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from vfguide.link.codec import Kind, Scheme, encode_signed, formation_number
 from vfguide.link.keys import Roster, public_bytes
 from vfguide.link.member import Member, Parcel
 from vfguide.link.peer_clock import PeerClock
@@ -88,6 +89,14 @@ def sealed(body: bytes) -> bytes:
     return body + struct.pack("<I", zlib.crc32(body))
 
 
+def signed_as(signer: str, sender: str, kind: Kind, body: bytes = b"", **fields: Any) -> bytes:
+    """A message in somebody's name by whoever has somebody's key, in the session that f1 is in."""
+    said = {"session": 2, "epoch": 1, "sequence": 5, "time_s": 1.0} | fields
+    number = formation_number(FORMATION)
+    signed = encode_signed(Scheme.ED25519, kind, formation=number, sender=sender, body=body, **said)
+    return signed + KEYS[signer].sign(signed)
+
+
 def straight(parcel: Parcel) -> Carried:
     """An honest wire: everything arrives once, after 10 ms."""
     yield 0.01, parcel.data
@@ -142,3 +151,15 @@ class Wire:
                 if step % 20 == 0:
                     one.member.ask()
             self.run(0.05)
+
+
+def formation(
+    seconds: float = 0.0, carry: Callable[[Parcel], Carried] = straight, first_session: int = 1
+) -> tuple[Wire, Station, Station, Station]:
+    """A wire, a leader and two followers whose clocks are apart, after some seconds of flight."""
+    wire = Wire(carry)
+    leader = wire.station(LEADER, session=first_session)
+    one = wire.station("f1", session=first_session + 1, skew_s=100.0)
+    other = wire.station("f2", session=first_session + 2, skew_s=-7.0)
+    wire.fly(leader, seconds, one, other)
+    return wire, leader, one, other

@@ -1,7 +1,4 @@
-"""What waits to be sent.
-
-Who may order, and whose repeated orders are believed.
-"""
+"""What waits to be sent, what a link in memory does to it, and whose orders are believed."""
 
 import asyncio
 from collections import Counter
@@ -13,7 +10,7 @@ from aiomqtt import Message
 from tests.kit.link import LEADER, Station, Wire, trust_of
 from vfguide.link.client import MOST_TOPICS, Echo, Inbox, NewestOnly
 from vfguide.link.codec import Kind
-from vfguide.link.memory import LinkQuality, Mail, MemoryLink
+from vfguide.link.memory import LinkQuality, MemoryLink
 from vfguide.link.mqtt import Topics
 from vfguide.link.trust import RefusedError
 from vfguide.system import retry_delay
@@ -111,44 +108,28 @@ def test_topics_of_a_vehicle(topic, expected):
     assert topic == expected
 
 
-def test_a_state_that_comes_back_is_heard_until_the_next_time_of_listening():
-    echo = Echo()
+def test_two_checks_without_an_echo_make_the_broker_deaf_until_one_comes_back():
+    echo, found = Echo(), []
     echo.listen()
     for number in range(3):
         echo.speak(b"%d" % number)
+        found.append(echo.check())
+    assert found == [False, True, True]
     assert not echo.hear(b"of somebody else")
     assert not echo.heard
     assert echo.hear(b"1")
     assert echo.heard
+    assert not echo.check()
     echo.listen()
     assert not echo.heard
-
-
-def test_two_checks_without_an_echo_make_the_broker_deaf():
-    echo, found = Echo(), []
-    echo.listen()
-    for _ in range(3):
-        echo.speak(b"own")
-        found.append(echo.check())
-    assert found == [False, True, True]
-    echo.hear(b"own")
-    assert not echo.check()
-
-
-def test_a_broker_is_not_deaf_to_someone_who_says_nothing():
-    echo = Echo()
-    echo.listen()
+    # Nor is it deaf to someone who says nothing.
     assert not any(echo.check() for _ in range(5))
 
 
-def link_of(
-    *, delay_s: float = 0.0, jitter_s: float = 0.0, loss: float = 0.0, seed: str = "seed"
-) -> MemoryLink:
-    return MemoryLink(LinkQuality(delay_s=delay_s, jitter_s=jitter_s, loss=loss), {"f1": seed})
-
-
-def sent(data: bytes) -> list[Mail]:
-    return [("f1", data)]
+def link_of(*, seed: str = "seed", **quality: float) -> MemoryLink:
+    return MemoryLink(
+        LinkQuality(**({"delay_s": 0.0, "jitter_s": 0.0, "loss": 0.0} | quality)), {"f1": seed}
+    )
 
 
 def received(link: MemoryLink, now: float) -> list[bytes]:
@@ -160,7 +141,7 @@ def arrivals(link: MemoryLink, count: int, interval_s: float = 10.0) -> dict[int
     flights = {}
     for number in range(count):
         sent_s = number * interval_s
-        link.send(sent(number.to_bytes(4, "big")), sent_s)
+        link.send([("f1", number.to_bytes(4, "big"))], sent_s)
         for millisecond in range(1001):
             for data in received(link, sent_s + millisecond * 1e-3):
                 flights[int.from_bytes(data, "big")] = millisecond * 1e-3
@@ -169,29 +150,19 @@ def arrivals(link: MemoryLink, count: int, interval_s: float = 10.0) -> dict[int
 
 @pytest.mark.parametrize(
     ("delay_s", "sent_s", "before_s", "arrives_s"),
-    [
-        (0.25, 1.0, [1.0, 1.2499], 1.25),
-        (0.0, 1.0, [], 1.0),
-        # 0.1 + 0.2 is a hair more than 0.3.
-        (0.2, 0.1, [0.1], 0.3),
-    ],
+    # 0.1 + 0.2 is a hair more than 0.3.
+    [(0.25, 1.0, [1.0, 1.2499], 1.25), (0.0, 1.0, [], 1.0), (0.2, 0.1, [0.1], 0.3)],
 )
-def test_a_message_arrives_once_after_the_delay_and_not_before(
+def test_messages_arrive_once_in_order_after_the_delay_and_not_before(
     delay_s, sent_s, before_s, arrives_s
 ):
     link = link_of(delay_s=delay_s)
-    link.send(sent(b"state"), sent_s)
-    assert [received(link, now) for now in before_s] == [[]] * len(before_s)
-    assert received(link, arrives_s) == [b"state"]
-    assert received(link, 9.0) == []
-
-
-def test_messages_sent_at_the_same_time_keep_their_order():
-    link = link_of(delay_s=0.1)
     states = [bytes([number]) for number in range(255, 0, -1)]
     for state in states:
-        link.send(sent(state), 1.0)
-    assert received(link, 2.0) == states
+        link.send([("f1", state)], sent_s)
+    assert [received(link, now) for now in before_s] == [[]] * len(before_s)
+    assert received(link, arrives_s) == states
+    assert received(link, 9.0) == []
 
 
 def test_jitter_stays_within_its_bounds_and_reaches_them():
@@ -206,7 +177,7 @@ def test_jitter_stays_within_its_bounds_and_reaches_them():
 def test_no_message_arrives_before_it_was_sent():
     link = link_of(delay_s=0.1, jitter_s=0.5)
     for number in range(200):
-        link.send(sent(bytes([number])), 5.0)
+        link.send([("f1", bytes([number]))], 5.0)
     assert received(link, 4.999) == []
     # A flight of -0.4 to 0.6 s: four tenths of them are at their end at once.
     assert len(received(link, 5.0)) == pytest.approx(80, abs=25)
@@ -221,7 +192,7 @@ def test_no_message_arrives_before_it_was_sent():
 def test_the_share_that_is_lost_is_the_one_that_was_asked_for(loss, arrive, within):
     link = link_of(loss=loss)
     for number in range(10_000):
-        link.send(sent(b"state"), float(number))
+        link.send([("f1", b"state")], float(number))
     assert len(received(link, 1e5)) == pytest.approx(arrive, abs=within)
 
 
@@ -229,7 +200,7 @@ def test_messages_that_overtake_each_other_come_in_the_order_of_arrival():
     flights = arrivals(link_of(delay_s=0.5, jitter_s=0.4), 60)
     link = link_of(delay_s=0.5, jitter_s=0.4)
     for number in range(60):
-        link.send(sent(number.to_bytes(4, "big")), number * 0.05)
+        link.send([("f1", number.to_bytes(4, "big"))], number * 0.05)
     order = [int.from_bytes(data, "big") for data in received(link, 100.0)]
     assert sorted(order) == list(range(60))
     assert order != sorted(order)
@@ -237,27 +208,14 @@ def test_messages_that_overtake_each_other_come_in_the_order_of_arrival():
     assert all(later - earlier > -2e-3 for earlier, later in pairwise(times))
 
 
-def test_losses_do_not_change_the_flight_of_what_gets_through():
-    lossless = arrivals(link_of(delay_s=0.3, jitter_s=0.2), 100)
-    lossy = arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.5), 100)
+def test_a_seed_repeats_flights_whatever_else_is_lost_and_another_seed_does_not():
+    lossless, other, lossy = (
+        arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=loss, seed=seed), 100)
+        for loss, seed in ((0.0, "1 f1"), (0.0, "1 f2"), (0.5, "1 f1"))
+    )
+    assert lossless != other
     assert 25 < len(lossy) < 75
     assert all(lossless[number] == flight for number, flight in lossy.items())
-
-
-def test_the_same_seed_repeats_a_link_and_another_does_not():
-    first, again, other = (
-        arrivals(link_of(delay_s=0.3, jitter_s=0.2, loss=0.2, seed=seed), 60)
-        for seed in ("1 f1", "1 f1", "1 f2")
-    )
-    assert first == again
-    assert first != other
-
-
-def test_what_is_sent_at_once_arrives_at_once_and_from_those_who_are_listened_to():
-    link = MemoryLink(LinkQuality(delay_s=0.1, jitter_s=0.0, loss=0.0), {"f1": "1", "f2": "2"})
-    link.send([("f1", b"one"), ("stranger", b"?"), ("f2", b"two")], 1.0)
-    assert link.receive(1.05) == []
-    assert link.receive(1.1) == [("f1", b"one"), ("f2", b"two")]
 
 
 def test_what_happens_to_one_senders_messages_does_not_depend_on_the_others():
@@ -266,8 +224,10 @@ def test_what_happens_to_one_senders_messages_does_not_depend_on_the_others():
     for number in range(100):
         mail = ("f1", bytes([number]))
         alone.send([mail], float(number))
-        among.send([("f2", b"state"), mail], float(number))
-    assert [one for one in among.receive(1e3) if one[0] == "f1"] == alone.receive(1e3)
+        among.send([("stranger", b"?"), ("f2", b"state"), mail], float(number))
+    heard = among.receive(1e3)
+    assert {name for name, _ in heard} == {"f1", "f2"}
+    assert [one for one in heard if one[0] == "f1"] == alone.receive(1e3)
 
 
 @pytest.fixture

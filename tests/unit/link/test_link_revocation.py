@@ -6,10 +6,19 @@ from typing import Any
 
 import pytest
 
-from tests.kit.link import FORMATION, KEYS, LEADER, PUBLIC, ROSTER, Station, Wire, trust_of
-from tests.unit.link.radio_crafts import formation as radio_formation
-from tests.unit.link.radio_crafts import packets_of
-from vfguide.link.codec import Kind, Scheme, encode_signed, formation_number
+from tests.kit.link import (
+    KEYS,
+    LEADER,
+    PUBLIC,
+    ROSTER,
+    Station,
+    Wire,
+    formation,
+    signed_as,
+    trust_of,
+)
+from tests.unit.link import radio_crafts
+from vfguide.link.codec import Kind
 from vfguide.link.keys import read_revocations, write_revocations
 from vfguide.link.packed import PackedKind
 from vfguide.link.trust import REVOKED, RefusedError
@@ -18,15 +27,11 @@ WITHIN_S = 2.0
 """A revoked key is out so long after the statement has reached the formation."""
 
 
-def formation(seconds: float = 2.0) -> tuple[Wire, Station, Station, Station, Station]:
+def ordered(seconds: float = 2.0) -> tuple[Wire, Station, Station, Station, Station]:
     """A wire, a leader, two followers and an operator's program, after some seconds of flight."""
-    wire = Wire()
-    members = [
-        wire.station(name, session=session) for session, name in enumerate([LEADER, "f1", "f2"], 1)
-    ]
+    wire, *members = formation(seconds)
     desk = wire.station("eye", session=9)
     desk.member.ask()
-    wire.fly(*members[:1], seconds, *members[1:])
     return wire, *members, desk
 
 
@@ -37,18 +42,7 @@ def statement(vehicle: str, **changes: Any) -> bytes:
 
 def forged(signer: str, sender: str = "eye", body: bytes = PUBLIC["f1"] + b"f1") -> bytes:
     """A statement in a name, signed by somebody's key."""
-    signed = encode_signed(
-        Scheme.ED25519,
-        Kind.REVOCATION,
-        formation=formation_number(FORMATION),
-        sender=sender,
-        session=5,
-        epoch=0,
-        sequence=1,
-        time_s=0.0,
-        body=body,
-    )
-    return signed + KEYS[signer].sign(signed)
+    return signed_as(signer, sender, Kind.REVOCATION, body)
 
 
 def passed_on(wire: Wire, seconds: float, *stations: Station) -> None:
@@ -60,7 +54,7 @@ def passed_on(wire: Wire, seconds: float, *stations: Station) -> None:
 
 
 def test_a_revoked_key_is_out_at_once_and_the_others_fly_on():
-    wire, leader, one, other, desk = formation()
+    wire, leader, one, other, desk = ordered()
     desk.member.revoke("f1")
     wire.run(0.02)
     heard = len(other.neighbours)
@@ -72,7 +66,7 @@ def test_a_revoked_key_is_out_at_once_and_the_others_fly_on():
 
 
 def test_the_owner_of_a_revoked_key_stands_back_and_says_nothing():
-    wire, leader, one, other, desk = formation()
+    wire, leader, one, other, desk = ordered()
     assert not one.member.stands_back
     desk.member.revoke("f1")
     wire.run(0.1)
@@ -87,7 +81,7 @@ def test_the_owner_of_a_revoked_key_stands_back_and_says_nothing():
 
 @pytest.mark.parametrize("revoked", [False, True])
 def test_a_thief_that_was_not_told_is_heard_by_nobody(revoked):
-    wire, leader, one, other, desk = formation()
+    wire, leader, one, other, desk = ordered()
     if revoked:
         desk.member.revoke("f1")
     wire.run(0.1)
@@ -101,7 +95,7 @@ def test_a_thief_that_was_not_told_is_heard_by_nobody(revoked):
 
 
 def test_the_stolen_key_of_the_leader_is_out_for_those_who_follow_it_and_for_those_who_join():
-    wire, _, one, other, desk = formation()
+    wire, _, one, other, desk = ordered()
     thief = wire.station(LEADER, session=99)
     desk.member.revoke(LEADER)
     wire.run(0.02)
@@ -118,7 +112,7 @@ def test_the_stolen_key_of_the_leader_is_out_for_those_who_follow_it_and_for_tho
 
 
 def test_a_deputy_tells_the_time_of_the_flight_after_the_leaders_key_is_revoked():
-    wire, leader, one, other, desk = formation()
+    wire, leader, one, other, desk = ordered()
     for station in (one, other):
         station.member.trust.deputies = frozenset({"f1"})
     desk.member.revoke(LEADER)
@@ -132,7 +126,7 @@ def test_a_deputy_tells_the_time_of_the_flight_after_the_leaders_key_is_revoked(
 
 
 def test_who_joins_later_gets_it_from_the_others_before_it_has_proven_any_leader():
-    wire, leader, _, other, desk = formation()
+    wire, leader, _, other, desk = ordered()
     desk.member.revoke("f1")
     wire.run(0.1)
     wire.stations.remove(desk)
@@ -146,7 +140,7 @@ def test_who_joins_later_gets_it_from_the_others_before_it_has_proven_any_leader
 @pytest.mark.parametrize("signer", ["f1", "f2", LEADER])
 @pytest.mark.parametrize("sender", ["eye", "own"])
 def test_no_vehicles_key_revokes_another(signer, sender):
-    wire, leader, one, other, _ = formation()
+    wire, leader, one, other, _ = ordered()
     wire.inject(forged(signer, signer if sender == "own" else "eye"))
     wire.run(0.1)
     wire.fly(leader, 1.0, one, other)
@@ -171,7 +165,7 @@ def test_no_vehicles_key_revokes_another(signer, sender):
     ids=["formation", "old key", "operator", "empty", "bent", "unsigned", "stranger"],
 )
 def test_statements_that_are_none_change_nothing(data, reason):
-    wire, _, _, other, _ = formation()
+    wire, _, _, other, _ = ordered()
     for _ in range(3):
         wire.inject(data)
     wire.run(0.1)
@@ -190,7 +184,7 @@ def test_a_statement_of_another_flight_about_a_key_that_was_replaced_since_chang
 
 
 def test_a_statement_that_is_played_again_a_thousand_times_costs_no_signature_and_tells_nobody_twice():
-    wire, _, _, other, desk = formation()
+    wire, _, _, other, desk = ordered()
     sealed = desk.member.revoke("f1").data
     wire.run(0.1)
     looked: Counter[str] = Counter()
@@ -226,7 +220,7 @@ def test_it_is_kept_over_a_restart_and_nothing_is_believed_of_a_damaged_file(tmp
 
 
 def test_on_a_radio_the_statement_comes_in_pieces_and_the_packets_of_that_vehicle_are_out():
-    channel, leader, one, other = radio_formation(6.0)
+    channel, leader, one, other = radio_crafts.formation(6.0)
     desk = channel.craft("eye", session=9, orders=True)
     channel.fly(6.0)
     for _ in range(12):
@@ -248,7 +242,7 @@ def test_on_a_radio_the_statement_comes_in_pieces_and_the_packets_of_that_vehicl
 
 
 def test_a_recorded_piece_of_a_statement_moves_nobodys_turns():
-    channel, leader, one, other = radio_formation(6.0)
+    channel, leader, one, other = radio_crafts.formation(6.0)
     desk = channel.craft("eye", session=9, orders=True)
     desk.member.trust.revoke(desk.member.trust.read(statement(LEADER)), 0.0)
     one.member.trust.revoke(one.member.trust.read(statement(LEADER)), 0.0)
@@ -256,7 +250,9 @@ def test_a_recorded_piece_of_a_statement_moves_nobodys_turns():
     for _ in range(8):
         one.member.pass_on()
         channel.fly(0.5)
-    pieces = [frame for frame in taken if packets_of([frame]) == [PackedKind.REVOCATION]]
+    pieces = [
+        frame for frame in taken if radio_crafts.packets_of([frame]) == [PackedKind.REVOCATION]
+    ]
     assert pieces
     channel.gone(leader)
     channel.gone(one)

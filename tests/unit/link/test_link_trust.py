@@ -17,6 +17,8 @@ from tests.kit.link import (
     Carried,
     Station,
     Wire,
+    formation,
+    signed_as,
     straight,
     trust_of,
 )
@@ -34,19 +36,7 @@ from vfguide.link.keys import Roster
 from vfguide.link.member import NOT_SAID, TWIN_QUIET_S, TWIN_SPREAD_S, Parcel
 from vfguide.link.trust import TWIN, RefusedError, Trust
 
-ANSWERS = frozenset({Kind.ANSWER})
-
-
-def formation(
-    seconds: float = 0.0, carry: Callable[[Parcel], Carried] = straight, first_session: int = 1
-) -> tuple[Wire, Station, Station, Station]:
-    """A wire, a leader and two followers whose clocks are apart, after some seconds of flight."""
-    wire = Wire(carry)
-    leader = wire.station(LEADER, session=first_session)
-    one = wire.station("f1", session=first_session + 1, skew_s=100.0)
-    other = wire.station("f2", session=first_session + 2, skew_s=-7.0)
-    wire.fly(leader, seconds, one, other)
-    return wire, leader, one, other
+ANOTHER_SESSION, ANOTHER_FLIGHT = "another session of the leader", "another flight"
 
 
 def flown(carry: Callable[[Parcel], Carried] = straight) -> list[Station]:
@@ -67,13 +57,18 @@ def sealed(trust: Trust, kind: Kind = Kind.STATE, time_s: float = 1.0) -> bytes:
     return trust.seal(kind, b"", time_s=time_s)
 
 
-def refused(trust: Trust, data: bytes, now: float = 0.0) -> str:
-    """Why a message is refused; empty if it is believed."""
+def refused(trust: Trust, data: bytes, now: float = 0.0, time_s: float = math.nan) -> str:
+    """Why a message is refused at a formation's time; empty if it is believed."""
     try:
-        trust.believe(trust.read(data), now)
+        trust.believe(trust.read(data), now, time_s=time_s)
     except RefusedError as refusal:
         return str(refusal)
     return ""
+
+
+def refused_at(trust: Trust, data: bytes, now: float = 1.0) -> str:
+    """Why a message is refused by one who knows the formation's time."""
+    return refused(trust, data, now, now)
 
 
 def test_everybody_hears_everybody_once_the_leader_has_shown_that_it_lives():
@@ -83,8 +78,7 @@ def test_everybody_hears_everybody_once_the_leader_has_shown_that_it_lives():
     assert leader.neighbours[-2:] == [("f1", b"f1 96"), ("f2", b"f2 96")]
     assert one.neighbours[-1] == ("f2", b"f2 96")
     assert one.clock.offset_s == pytest.approx(-100.0)
-    reasons = {"refused: another session of the leader", "refused: another flight"}
-    assert set(other.counters) <= reasons
+    assert set(other.counters) <= {f"refused: {one}" for one in (ANOTHER_SESSION, ANOTHER_FLIGHT)}
 
 
 def forge(parcel: Parcel) -> Carried:
@@ -92,18 +86,11 @@ def forge(parcel: Parcel) -> Carried:
     yield 0.01, parcel.data
     real = decode_envelope(parcel.data)
 
+    names = ("formation", "sender", "session", "epoch", "time_s")
+
     def made(scheme: Scheme, sequence: int) -> bytes:
-        return encode_signed(
-            scheme,
-            real.kind,
-            formation=real.formation,
-            sender=real.sender,
-            session=real.session,
-            epoch=real.epoch,
-            sequence=sequence,
-            time_s=real.time_s,
-            body=b"forged",
-        )
+        same = {name: getattr(real, name) for name in names}
+        return encode_signed(scheme, real.kind, sequence=sequence, body=b"forged", **same)
 
     for sequence in (real.sequence, real.sequence + 1, 2**32 - 1):
         signed = made(Scheme.ED25519, sequence)
@@ -156,20 +143,16 @@ def test_delayed_messages_are_heard_late_and_the_clock_stays_right():
 
 def test_an_answer_that_is_held_back_moves_the_clock_by_half_of_that_and_says_so():
     def hold(parcel: Parcel) -> Carried:
-        yield (0.21 if parcel.kind in ANSWERS else 0.01), parcel.data
+        yield (0.21 if parcel.kind is Kind.ANSWER else 0.01), parcel.data
 
     _, one, _ = flown(hold)
     assert one.clock.offset_s == pytest.approx(-100.0 - 0.1)
     assert one.clock.bound_s >= 0.1
 
 
-def stolen(kind: Kind = Kind.STATE, **fields: Any) -> bytes:
-    """A message by whoever has the key of f1, in the session that f1 is in."""
-    parts = {"session": 2, "epoch": 1, "sequence": 5, "time_s": 1.0} | fields
-    signed = encode_signed(
-        Scheme.ED25519, kind, formation=formation_number(FORMATION), sender="f1", body=b"", **parts
-    )
-    return signed + KEYS["f1"].sign(signed)
+def stolen(**fields: Any) -> bytes:
+    """A message by whoever has the key of f1."""
+    return signed_as("f1", "f1", Kind.STATE, **fields)
 
 
 @pytest.mark.parametrize(
@@ -187,15 +170,6 @@ def test_a_stolen_key_does_not_make_its_owner_a_copy_of_itself(fields, reason):
     assert refused_at(listener, sealed(owner, time_s=1.1)) == ""
     # Nor after the owner was started anew.
     assert refused_at(listener, sealed(proven("f1", 4), time_s=1.2)) == ""
-
-
-def refused_at(trust: Trust, data: bytes, now: float = 1.0) -> str:
-    """Why a message is refused by one who knows the formation's time; empty if it is believed."""
-    try:
-        trust.believe(trust.read(data), now, time_s=now)
-    except RefusedError as refusal:
-        return str(refusal)
-    return ""
 
 
 def test_numbers_that_rise_through_an_hour_of_silence_are_heard():
@@ -279,8 +253,8 @@ def test_a_recording_of_yesterday_is_believed_by_nobody():
         today.inject(parcel.data)
     today.run(0.0)
     assert (len(one.heard), len(one.neighbours)) == (heard, neighbours)
-    assert one.counters["refused: another session of the leader"] >= 200
-    assert one.counters["refused: another flight"] >= 25
+    assert one.counters[f"refused: {ANOTHER_SESSION}"] >= 200
+    assert one.counters[f"refused: {ANOTHER_FLIGHT}"] >= 25
 
 
 def test_a_leader_that_starts_anew_is_heard_again_and_its_last_session_no_more():
@@ -377,7 +351,7 @@ def test_an_answer_that_was_kept_back_sends_no_leader_back():
     """For three seconds: it may be of a companion that has died since."""
 
     def keep_back(parcel: Parcel) -> Carried:
-        yield (3.0 if parcel.kind in ANSWERS else 0.01), parcel.data
+        yield (3.0 if parcel.kind is Kind.ANSWER else 0.01), parcel.data
 
     wire, leader, one, other = formation(5.0, keep_back)
     rival = wire.station(LEADER, session=70)
@@ -564,17 +538,8 @@ def test_a_roster_that_does_not_fit_is_one_clear_line(roster, text):
     time_s=st.floats(-1e10, 1e10) | st.just(float("nan")),
 )
 def test_what_goes_into_an_envelope_comes_out(kind, body, sequence, session, sender, time_s):
-    signed = encode_signed(
-        Scheme.UNSIGNED,
-        kind,
-        formation=7,
-        sender=sender,
-        session=session,
-        epoch=session ^ 1,
-        sequence=sequence,
-        time_s=time_s,
-        body=body,
-    )
+    said = {"sender": sender, "session": session, "epoch": session ^ 1, "sequence": sequence}
+    signed = encode_signed(Scheme.UNSIGNED, kind, formation=7, time_s=time_s, body=body, **said)
     found = decode_envelope(signed + checksum(signed))
     assert (found.kind, found.body, found.sequence) == (kind, body, sequence)
     assert (found.session, found.epoch, found.sender) == (session, session ^ 1, sender)

@@ -24,24 +24,23 @@ def test_an_address_is_read_and_written_alike(text, address):
     assert str(address) == text
 
 
+FORM, NO_HOST = "write one like udpin://", "no host"
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "write one like udpin://"),
-        ("14540", "write one like udpin://"),
-        ("udpin://127.0.0.1", "write one like udpin://"),
-        ("udpin://127.0.0.1:", "write one like udpin://"),
-        ("udpin://127.0.0.1:1/path", "write one like udpin://"),
-        ("udpin://127.0.0.1:14540\n", "write one like udpin://"),
-        ("udpin://127.0.0.1:\u0661\u0662", "write one like udpin://"),
-        ("udpin://::1:14540", "write one like udpin://"),
+        *((text, FORM) for text in ("", "14540", "udpin://127.0.0.1", "udpin://127.0.0.1:")),
+        *(
+            (f"udpin://{rest}", FORM)
+            for rest in ("127.0.0.1:1/path", "127.0.0.1:14540\n", "127.0.0.1:\u0661", "::1:14540")
+        ),
+        *(
+            (f"udpin://{host}:14540", NO_HOST)
+            for host in ("", "a..b", "a" * 64, "[127.0.0.1]", "host name")
+        ),
         ("udp://127.0.0.1:14540", "use one of udpin, udpout, tcpin, tcpout"),
         ("serial://ttyACM0:57600", "use one of udpin"),
-        ("udpin://:14540", "no host"),
-        ("udpin://a..b:14540", "no host"),
-        ("udpin://" + "a" * 64 + ":14540", "no host"),
-        ("udpin://[127.0.0.1]:14540", "no host"),
-        ("udpin://host name:14540", "no host"),
         ("udpin://localhost:65536", "the highest is 65535"),
         ("udpout://localhost:0", "port 0"),
         ("x" * 10_000, "..."),
