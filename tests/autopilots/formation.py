@@ -22,7 +22,6 @@ from tests.autopilots.relay import Relay
 from tests.autopilots.simulators import (
     CLIMB_S,
     ENOUGH_M,
-    PROGRAMS,
     Aircraft,
     ArduPlane,
     Conditions,
@@ -217,31 +216,6 @@ def airborne(plan: Plan) -> Iterator[Formation]:
                 relay.stop()
             mosquitto.stop()
             at_once([simulator.close for simulator in simulators.values()])
-
-
-@contextmanager
-def alone(
-    kind: str, binary: Path, directory: Path, mission: Mission, conditions: Conditions
-) -> Iterator[Simulator]:
-    """One aircraft, the mission's leader, at its height; at the end its program is not left."""
-    origin, program = mission.origin, PROGRAMS[kind]
-    aircraft = Aircraft(
-        name="aircraft",
-        system_id=mission.leader_vehicle.system_id,
-        instance=free_instances(program, 1),
-        latitude_deg=origin.latitude_deg,
-        longitude_deg=origin.longitude_deg,
-        altitude_amsl_m=origin.altitude_amsl_m,
-        height_m=mission.height_above_origin_m,
-    )
-    simulator = program(binary, directory / "aircraft", aircraft, conditions)
-    with first_in_line():
-        try:
-            simulator.program.start()
-            climb(simulator, mission)
-            yield simulator
-        finally:
-            simulator.close()
 
 
 def at_once(calls: Sequence[Callable[[], None]]) -> None:

@@ -37,14 +37,7 @@ class Program:
         *,
         environment: Mapping[str, str] | None = None,
     ) -> None:
-        """Remember a program; nothing is started yet.
-
-        Args:
-            name: what it is called in messages; its output goes to NAME.txt.
-            command: program and arguments.
-            directory: where it runs; made where it is missing.
-            environment: variables beside those of this process.
-        """
+        """Remember a program; its output goes to NAME.txt in the directory where it runs."""
         self.name = name
         self.output = directory / f"{name}.txt"
         self._command = command
@@ -56,11 +49,6 @@ class Program:
     def running(self) -> bool:
         """Whether it runs now."""
         return self._process is not None and self._process.poll() is None
-
-    @property
-    def status(self) -> int | None:
-        """Its exit status; None while it runs, and before."""
-        return None if self._process is None else self._process.poll()
 
     def start(self) -> None:
         """Start it, or start it again."""

@@ -131,11 +131,6 @@ class Verdict:
         """Whether all simulators kept time."""
         return max(self.lost_s.values()) < MOST_LOST_S
 
-    def roll_against(self, leader: str) -> float:
-        """How fast the follower that rolls most rolls (rms), in parts of how fast the leader does."""
-        rates = self.bank_rate_rms_deg_s
-        return max(rates[name] for name in self.followers) / rates[leader]
-
     def row(self, title: str) -> str:
         """The line of a table."""
         kept = "" if self.kept_time else f" (a simulator lost {max(self.lost_s.values()):.1f} s)"
