@@ -1,5 +1,3 @@
-""""""
-
 import math
 
 import pytest
@@ -25,25 +23,20 @@ def of_version(major: int, minor: int) -> Px4:
 
 
 @pytest.mark.parametrize(
-    ("version", "mode", "words"),
+    ("versions", "mode", "words"),
     [
-        ((1, 13), OFFBOARD, "by velocities in offboard"),
-        ((1, 14), OFFBOARD, "by velocities in offboard"),
-        ((1, 15), OFFBOARD, "by positions ahead in offboard"),
-        ((1, 17), OFFBOARD, "by positions ahead in offboard"),
-        ((1, 18), GUIDED_COURSE, "in Guided Course"),
-        ((1, 19), GUIDED_COURSE, "in Guided Course"),
-        ((2, 0), GUIDED_COURSE, "in Guided Course"),
-        ((0, 0), OFFBOARD, "by positions ahead in offboard"),
+        (((1, 13), (1, 14)), OFFBOARD, "by velocities in offboard"),
+        (((1, 15), (1, 17), (0, 0)), OFFBOARD, "by positions ahead in offboard"),
+        (((1, 18), (1, 19), (2, 0)), GUIDED_COURSE, "in Guided Course"),
     ],
 )
-def test_the_version_tells_how_it_is_steered(version, mode, words):
-    plane = Px4(address(px4_steering="auto"))
-    assert not plane.is_ready
-    told = plane.hear(VersionReport(major=version[0], minor=version[1]))
-    assert words in str(told)
-    assert plane.is_ready
-    assert [one for one in (GUIDED_COURSE, OFFBOARD, LOITER) if plane.is_engaged(one)] == [mode]
+def test_the_version_tells_how_it_is_steered(versions, mode, words):
+    for major, minor in versions:
+        plane = Px4(address(px4_steering="auto"))
+        assert not plane.is_ready
+        assert words in str(plane.hear(VersionReport(major=major, minor=minor)))
+        assert plane.is_ready
+        assert [one for one in (GUIDED_COURSE, OFFBOARD, LOITER) if plane.is_engaged(one)] == [mode]
 
 
 @pytest.mark.parametrize(
@@ -118,29 +111,21 @@ def test_a_way_that_the_mission_chooses_stays(steering):
 
 
 @pytest.mark.parametrize(
-    ("steering", "custom_mode", "engaged"),
+    ("steering", "engaged", "others"),
     [
         # Offboard is told by the main mode alone.
-        ("position", 6 << 16, True),
-        ("position", 6 << 16 | 3 << 24, True),
-        ("position", GUIDED_COURSE, False),
-        ("position", LOITER, False),
-        ("position", 4 << 16 | 6 << 24, False),
-        ("position", 7 << 16, False),
-        ("position", 6, False),
-        ("position", 15, False),
-        ("position", 0, False),
-        ("position", 0x0106 << 16, True),
-        ("position", 2**32 - 1, False),
+        (
+            "position",
+            (6 << 16, 6 << 16 | 3 << 24, 0x0106 << 16),
+            (GUIDED_COURSE, LOITER, 4 << 16 | 6 << 24, 7 << 16, 6, 15, 0, 2**32 - 1),
+        ),
         # Guided Course by main and sub mode.
-        ("guided-course", GUIDED_COURSE, True),
-        ("guided-course", LOITER, False),
-        ("guided-course", 6 << 16 | 19 << 24, False),
-        ("guided-course", OFFBOARD, False),
+        ("guided-course", (GUIDED_COURSE,), (LOITER, 6 << 16 | 19 << 24, OFFBOARD)),
     ],
 )
-def test_the_mode_tells_whether_it_is_engaged(steering, custom_mode, engaged):
-    assert Px4(address(px4_steering=steering)).is_engaged(custom_mode) is engaged
+def test_the_mode_tells_whether_it_is_engaged(steering, engaged, others):
+    plane = Px4(address(px4_steering=steering))
+    assert [mode for mode in (*engaged, *others) if plane.is_engaged(mode)] == list(engaged)
 
 
 @pytest.mark.parametrize(
@@ -219,19 +204,16 @@ def test_a_speed_goes_by_command_and_leaves_the_throttle_alone(steering, hold, s
 
 
 @pytest.mark.parametrize(
-    ("steering", "act", "modes"),
-    [
-        ("guided-course", "engage", (4.0, 19.0)),
-        ("position", "engage", (6.0, 0.0)),
-        ("velocity", "engage", (6.0, 0.0)),
-        ("guided-course", "hand_back", (4.0, 3.0)),
-        ("position", "hand_back", (4.0, 3.0)),
-    ],
+    ("steering", "modes"),
+    [("guided-course", (4.0, 19.0)), ("position", (6.0, 0.0)), ("velocity", (6.0, 0.0))],
 )
-def test_modes_are_set_by_main_and_sub_mode(steering, act, modes):
-    (command,) = sent(getattr(Px4(address(px4_steering=steering)), act)())
-    assert (command.get_type(), command.command) == ("COMMAND_LONG", SET_MODE)
-    assert (command.param1, command.param2, command.param3) == (1.0, *modes)
+def test_modes_are_set_by_main_and_sub_mode(steering, modes):
+    plane = Px4(address(px4_steering=steering))
+    for command, wanted in zip(
+        sent([*plane.engage(), *plane.hand_back()]), (modes, (4.0, 3.0)), strict=True
+    ):
+        assert (command.get_type(), command.command) == ("COMMAND_LONG", SET_MODE)
+        assert (command.param1, command.param2, command.param3) == (1.0, *wanted)
 
 
 def test_hold_is_what_it_is_handed_back_to():
@@ -240,9 +222,16 @@ def test_hold_is_what_it_is_handed_back_to():
     assert [plane.is_handed_back(mode) for mode in modes] == [True, False, False, False]
 
 
-@pytest.mark.parametrize("steering", ["auto", "guided-course", "position", "velocity"])
-def test_every_message_is_addressed_to_the_vehicle(steering):
-    plane = Px4(address(px4_steering=steering))
+@pytest.mark.parametrize(
+    ("kind", "steering", "count"),
+    [
+        (ArduPlane, "auto", 11),
+        *((Px4, "auto", 8), (Px4, "guided-course", 11), (Px4, "position", 11)),
+        (Px4, "velocity", 11),
+    ],
+)
+def test_every_message_is_addressed_to_the_vehicle(kind, steering, count):
+    plane = kind(address(px4_steering=steering))
     messages = [
         *plane.questions(),
         *plane.fly(asked(1.0, 20.0)),
@@ -252,7 +241,7 @@ def test_every_message_is_addressed_to_the_vehicle(steering):
         *plane.hold_altitude(588.0),
         *plane.request_telemetry(20.0),
     ]
-    assert len(messages) >= 4
+    assert len(messages) == count
     for message in sent(messages):
         assert (message.target_system, message.target_component) == (7, 3)
 
@@ -310,20 +299,6 @@ def test_position_and_airspeed_are_asked_for_at_the_rate(rate_hz, interval_us):
     assert intervals == {74: interval_us, 33: interval_us} | dict.fromkeys((1, 24, 147, 193), 5e5)
 
 
-def test_every_message_to_an_arduplane_is_addressed_to_it():
-    plane = ArduPlane(address())
-    messages = [
-        *plane.fly(asked(1.0, 20.0)),
-        *plane.hold_altitude(500.0),
-        *plane.engage(),
-        *plane.hand_back(),
-        *plane.request_telemetry(20.0),
-    ]
-    assert len(messages) == 11
-    for message in sent(messages):
-        assert (message.target_system, message.target_component) == (7, 3)
-
-
 def course_on_the_wire(course: float) -> float:
     heading, _ = sent(ArduPlane(address()).fly(asked(course, 20.0)))
     return heading.param2
@@ -332,12 +307,7 @@ def course_on_the_wire(course: float) -> float:
 @pytest.mark.parametrize(
     ("course", "degrees"),
     [
-        (0.0, 0.0),
-        (-0.0, 0.0),
-        (-1e-9, 0.0),
-        (-1e-17, 0.0),
-        (2.0 * math.pi, 0.0),
-        (2.0 * math.pi - 1e-9, 0.0),
+        *((course, 0.0) for course in (0.0, -0.0, -1e-9, -1e-17, math.tau, math.tau - 1e-9)),
         (-math.pi / 2, 270.0),
         (5.0 * math.pi, 180.0),
         (math.radians(359.9994), 359.999),

@@ -216,28 +216,17 @@ FRAME = b"\xfd rest"
 def test_whoever_speaks_first_is_the_peer_until_another_speaks_after_a_second_of_silence():
     peer = UdpPeer()
     assert peer.endpoint is None
-    assert peer.admits(FIRST, FRAME, 10.0)
-    assert peer.endpoint == FIRST
-    assert not peer.admits(SECOND, FRAME, 10.999)
+    # While it speaks it keeps its place, however often others try.
+    for tenth in range(101):
+        assert peer.admits(FIRST, FRAME, 0.1 * tenth)
+        assert not peer.admits(SECOND, FRAME, 0.1 * tenth + 0.05)
+    # Nor do those who are not listened to prolong its silence.
+    for hundredth in range(10, 100):
+        assert not peer.admits(SECOND, FRAME, 10.0 + 0.01 * hundredth)
     assert peer.endpoint == FIRST
     assert peer.admits(SECOND, FRAME, 11.0)
     assert peer.endpoint == SECOND
     assert not peer.admits(FIRST, FRAME, 11.5)
-
-
-def test_a_peer_that_speaks_keeps_its_place_however_often_others_try():
-    peer = UdpPeer()
-    for tenth in range(100):
-        assert peer.admits(FIRST, FRAME, 0.1 * tenth)
-        assert not peer.admits(SECOND, FRAME, 0.1 * tenth + 0.05)
-
-
-def test_those_who_are_not_listened_to_do_not_prolong_the_silence():
-    peer = UdpPeer()
-    peer.admits(FIRST, FRAME, 0.0)
-    for tenth in range(1, 10):
-        assert not peer.admits(SECOND, FRAME, 0.1 * tenth)
-    assert peer.admits(SECOND, FRAME, 1.0)
 
 
 def test_another_port_of_the_same_host_is_another_peer_and_another_flow_label_is_not():

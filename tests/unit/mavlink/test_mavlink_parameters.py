@@ -43,6 +43,8 @@ FITTING_ARDUPLANE = {
     "ROLL_LIMIT_DEG": 45.0,
 }
 
+RECIPE = {"FW_THR_ASPD_MIN": 0.28, "FW_THR_TRIM": 0.58, "FW_THR_ASPD_MAX": 0.98, "FW_T_TAS_TC": 2.0}
+
 FITTING_PX4 = {
     "NAV_DLL_ACT": 1.0,
     "COM_DL_LOSS_T": 10.0,
@@ -55,11 +57,7 @@ FITTING_PX4 = {
     "FW_AIRSPD_MIN": 12.0,
     "FW_AIRSPD_MAX": 28.0,
     "FW_R_LIM": 50.0,
-    "FW_THR_ASPD_MIN": 0.28,
-    "FW_THR_TRIM": 0.58,
-    "FW_THR_ASPD_MAX": 0.98,
-    "FW_T_TAS_TC": 2.0,
-}
+} | RECIPE
 
 
 @pytest.mark.parametrize(
@@ -72,13 +70,10 @@ def test_a_vehicle_that_slips_may_turn_half_as_fast_as_its_bank_says(alpha, warn
     assert any("gives alpha 1.03" in warning for warning in warnings) is warned
 
 
-def test_parameters_that_fit_or_are_not_known_bring_no_warning():
-    assert (
-        PLANE.parameter_warnings(FITTING_ARDUPLANE, NEEDS)
-        == PLANE.parameter_warnings({}, NEEDS)
-        == []
-    )
-    assert PX4.parameter_warnings(FITTING_PX4, NEEDS) == PX4.parameter_warnings({}, NEEDS) == []
+@pytest.mark.parametrize(("adapter", "fitting"), [(PLANE, FITTING_ARDUPLANE), (PX4, FITTING_PX4)])
+def test_parameters_that_fit_or_are_not_known_bring_no_warning(adapter, fitting):
+    assert adapter.parameter_warnings(fitting, NEEDS) == []
+    assert adapter.parameter_warnings({}, NEEDS) == []
 
 
 @pytest.mark.parametrize(
@@ -166,8 +161,7 @@ def test_what_does_not_fit_px4_is_told_in_words(name, value, words):
     ("steering", "stops_by"),
     [
         ("guided-course", "NAV_DLL_ACT"),
-        ("position", "COM_OBL_RC_ACT"),
-        ("velocity", "COM_OBL_RC_ACT"),
+        *((one, "COM_OBL_RC_ACT") for one in ("position", "velocity")),
     ],
 )
 def test_only_the_fail_safe_that_acts_is_spoken_of(steering, stops_by):
@@ -219,22 +213,9 @@ FACTORY = {
 }
 """As PX4 1.18.0-beta1 comes, but for the throttles of its simulated airplane."""
 
-TRIMMED = FACTORY | {
-    "FW_T_TAS_TC": 2.0,
-    "FW_THR_ASPD_MIN": 0.28,
-    "FW_THR_TRIM": 0.58,
-    "FW_THR_ASPD_MAX": 0.98,
-}
+TRIMMED = FACTORY | RECIPE
 
-SLOW_NEEDS = FlightNeeds(
-    system_id=1,
-    airspeed_min=11.0,
-    airspeed_max=19.0,
-    airspeed=15.0,
-    max_bank=math.radians(45.0),
-    alpha=0.9,
-    rate_hz=25.0,
-)
+SLOW_NEEDS = replace(NEEDS, airspeed_min=11.0, airspeed_max=19.0, airspeed=15.0, alpha=0.9)
 
 
 def test_what_the_parameters_tell_is_taken():
@@ -307,8 +288,7 @@ def test_an_autopilot_without_the_throttles_of_its_airspeeds_is_told_what_that_c
 
 
 def test_all_that_the_response_wants_is_asked_for():
-    plane = Px4(address())
-    assert set(FACTORY) <= set(plane.parameters)
+    assert set(FACTORY) <= set(PX4.parameters)
 
 
 FAST = replace(SLOW_NEEDS, airspeed_min=12.0, airspeed_max=32.0, airspeed=20.0, alpha=1.2)

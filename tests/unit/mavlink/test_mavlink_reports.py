@@ -1,9 +1,4 @@
-"""Messages of an autopilot in SI units, and its texts whole again where they come in parts.
-
-Bytes into reports and messages into bytes, whatever comes over the wire.
-
-What an aircraft without a companion says, from bytes to SI units.
-"""
+"""Messages of an autopilot, and of an aircraft without a companion, from bytes to SI units and back."""
 
 import math
 from typing import Any
@@ -64,15 +59,11 @@ def test_an_unknown_heading_is_none(codec):
 @pytest.mark.parametrize(
     ("place", "delivered"),
     [
-        ({"lat": 900_000_000}, True),
-        ({"lat": -900_000_000}, True),
-        ({"lon": 1_800_000_000}, True),
-        ({"lon": -1_800_000_000}, True),
         ({"lat": 0, "lon": 0}, True),
-        ({"lat": 900_000_001}, False),
-        ({"lat": -900_000_001}, False),
-        ({"lon": 1_800_000_001}, False),
-        ({"lon": -1_800_000_001}, False),
+        *(({"lat": 900_000_000 * side}, True) for side in (1, -1)),
+        *(({"lon": 1_800_000_000 * side}, True) for side in (1, -1)),
+        *(({"lat": 900_000_001 * side}, False) for side in (1, -1)),
+        *(({"lon": 1_800_000_001 * side}, False) for side in (1, -1)),
         ({"lat": 2**31 - 1, "lon": 2**31 - 1}, False),
     ],
 )
@@ -241,14 +232,6 @@ def test_bytes_that_are_no_text_are_shown_by_their_numbers(codec, said, text):
     assert codec.decode(framed(message)) == [TextReport(severity=4, text=text)]
 
 
-def test_each_byte_can_be_printed():
-    for start in range(1, 256, 50):
-        said = bytes(range(start, min(start + 50, 256)))
-        message = mavlink.MAVLink_statustext_message(4, said)
-        (text,) = texts(Codec(7, 1), framed(message))
-        assert text.isprintable()
-
-
 @given(st.lists(st.tuples(st.binary(max_size=50), st.integers(0, 3), st.integers(0, 255))))
 def test_whatever_comes_it_can_be_printed(said):
     codec = Codec(7, 1)
@@ -299,13 +282,6 @@ def test_garbage_before_a_frame_in_the_same_datagram_is_skipped_and_an_empty_one
     assert dict(codec.counters) == {"not MAVLink": 1}
 
 
-def test_mavlink_1_frames_are_understood(codec):
-    data = framed(position_report(vx=2000), version_1=True)
-    assert data[0] == 0xFE
-    (report,) = codec.decode(data)
-    assert report.velocity_north == pytest.approx(20.0)
-
-
 def test_no_frame_with_one_bit_flipped_is_delivered(codec):
     good = framed(position_report(vx=2000, vy=-300, hdg=4500))
     for bit in range(8 * len(good)):
@@ -326,12 +302,6 @@ def test_every_truncated_frame_is_counted_and_forgotten(codec):
         assert len(codec.decode(good)) == 1
 
 
-def test_concatenated_frames_are_delivered_in_order(codec):
-    times = [1000, 1050, 1100, 1150]
-    reports = codec.decode(b"".join(framed(position_report(time_boot_ms=time)) for time in times))
-    assert [one.boot_time_s for one in reports] == pytest.approx([1.0, 1.05, 1.1, 1.15])
-
-
 @settings(deadline=None, derandomize=True)
 @given(magic=st.sampled_from([b"\xfd", b"\xfe"]), garbage=st.binary(max_size=40))
 def test_garbage_does_not_swallow_the_next_datagram(magic, garbage):
@@ -346,27 +316,20 @@ def test_random_bytes_deliver_nothing_and_never_raise(data):
     assert Codec(7, 1).decode(data) == []
 
 
-@settings(deadline=None, derandomize=True, max_examples=300)
-@given(frames=st.lists(HEARD_FRAMES, min_size=1, max_size=4))
-def test_no_content_of_a_sound_frame_makes_a_report_that_is_not_finite(frames):
-    codec = Codec(7, 1)
-    reports = codec.decode(b"".join(frames))
-    assert all(is_finite(report) for report in reports)
-    assert len(reports) + codec.counters.total() == len(frames)
-
-
-@settings(deadline=None, derandomize=True, max_examples=300)
+@settings(deadline=None, derandomize=True, max_examples=600)
 @given(
-    frames=st.lists(HEARD_FRAMES, min_size=1, max_size=3),
-    changes=st.lists(st.tuples(st.integers(0, 500), st.integers(1, 255)), min_size=1, max_size=5),
+    frames=st.lists(HEARD_FRAMES, min_size=1, max_size=4),
+    changes=st.lists(st.tuples(st.integers(0, 500), st.integers(1, 255)), max_size=5),
 )
-def test_mutated_frames_never_raise(frames, changes):
+def test_neither_sound_nor_mutated_frames_make_a_report_that_is_not_finite(frames, changes):
     data = bytearray(b"".join(frames))
     for place, change in changes:
         data[place % len(data)] ^= change
-    reports = Codec(7, 1).decode(bytes(data))
-    assert len(reports) <= len(frames)
+    codec = Codec(7, 1)
+    reports = codec.decode(bytes(data))
     assert all(is_finite(report) for report in reports)
+    assert len(reports) <= len(frames)
+    assert changes or len(reports) + codec.counters.total() == len(frames)
 
 
 def beat() -> mavlink.MAVLink_heartbeat_message:
