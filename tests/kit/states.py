@@ -59,6 +59,20 @@ SAID = LeaderMessage(
 )
 
 
+GREATEST = {
+    "latitude_deg": 90.0,
+    "longitude_deg": 180.0,
+    "altitude_amsl": 50_000.0,
+    "course": 10.0,
+    "ground_speed": 500.0,
+    "acceleration": 100.0,
+    "turn_rate": 10.0,
+    "turn_acceleration": 100.0,
+    "climb_rate": 200.0,
+}
+"""Greatest magnitudes of a leader's motion as it crosses the link."""
+
+
 def vehicle_at(
     north: float = 0.0,
     east: float = 0.0,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from tests.kit.link import sealed
-from tests.kit.states import leader_message
+from tests.kit.states import GREATEST, leader_message
 from vfguide.formation.arrangement import Arrangement, HoldCircle, Manoeuvre, Point, SlotMove
 from vfguide.link.codec import (
     Ask,
@@ -34,18 +34,6 @@ from vfguide.link.order_codec import (
     encode_reply,
 )
 
-GREATEST = {
-    "latitude_deg": 90.0,
-    "longitude_deg": 180.0,
-    "altitude_amsl": 50_000.0,
-    "course": 10.0,
-    "ground_speed": 500.0,
-    "acceleration": 100.0,
-    "turn_rate": 10.0,
-    "turn_acceleration": 100.0,
-    "climb_rate": 200.0,
-}
-
 ASK = Ask(number=7, originate_s=1.5)
 TELL = Tell(number=7, originate_s=1.5, receive_s=3.5, transmit_s=3.75)
 TIMES = st.floats(-1e10, 1e10)
@@ -65,6 +53,8 @@ SOUND = st.builds(
     time_s=st.floats(allow_nan=False, allow_infinity=False),
     term=st.integers(0, 2**32 - 1),
     arrangement=st.integers(0, 2**32 - 1),
+    steered=st.booleans(),
+    height_sense=st.integers(-1, 1),
     **{name: st.floats(-bound, bound) for name, bound in GREATEST.items()},
 )
 
@@ -246,11 +236,6 @@ def test_any_content_under_a_right_checksum_is_sound_or_refused(sequence, values
         return
     assert math.isfinite(message.time_s)
     assert all(abs(getattr(message, name)) <= bound for name, bound in GREATEST.items())
-
-
-@pytest.mark.parametrize("steered", [True, False])
-def test_whether_the_sender_is_under_guidance_crosses_the_link(steered):
-    assert decode(encode(leader_message(steered=steered))).steered is steered
 
 
 @pytest.mark.parametrize("flags", [0, 0xF0])

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.kit.states import leader_message
-from vfguide.link.codec import GREATEST, LeaderMessage, LinkDataError, decode, encode
+from tests.kit.states import GREATEST, leader_message
+from vfguide.link.codec import LeaderMessage, LinkDataError, decode, encode
 from vfguide.link.packed import (
     ANSWER,
     BEAT_ALONE,
@@ -65,38 +65,25 @@ def packed(
     return head + TAG
 
 
-@st.composite
-def states(draw: st.DrawFn) -> LeaderMessage:
-    names = ("latitude_deg", "longitude_deg", "altitude_amsl", "course", "ground_speed")
-    rates = ("acceleration", "turn_rate", "turn_acceleration", "climb_rate")
-    bounds = zip((*names, *rates), GREATEST[1:], strict=True)
-    return LeaderMessage(
-        sequence=0,
-        time_s=draw(st.floats(0.0, 1e9)),
-        term=draw(st.integers(0, 300)),
-        arrangement=draw(st.integers(0, 2**32 - 1)),
-        steered=draw(st.booleans()),
-        height_sense=draw(st.integers(-1, 1)),
-        **{name: draw(st.floats(-greatest, greatest)) for name, greatest in bounds},
-    )
+STATES = st.builds(
+    LeaderMessage,
+    sequence=st.just(0),
+    time_s=st.floats(0.0, 1e9),
+    term=st.integers(0, 300),
+    arrangement=st.integers(0, 2**32 - 1),
+    steered=st.booleans(),
+    height_sense=st.integers(-1, 1),
+    **{name: st.floats(-greatest, greatest) for name, greatest in GREATEST.items()},
+)
 
 
-def clipped(value: float, greatest: float) -> float:
-    return min(max(value, -greatest), greatest)
-
-
-@given(states(), st.booleans())
+@given(STATES, st.booleans())
 def test_a_state_comes_out_as_it_went_in_within_the_steps_of_its_fields(state, leads):
     body = encode_motion(state)
     if leads:
         body = encode_beat(BEAT) + body
-    data = packed(
-        PackedKind.STATE,
-        body,
-        sender=LEADER if leads else 3,
-        ticks=ticks_of(state.time_s),
-        flags=state_flags(state),
-    )
+    said = {"sender": LEADER if leads else 3, "flags": state_flags(state)}
+    data = packed(PackedKind.STATE, body, ticks=ticks_of(state.time_s), **said)
     assert len(data) + OVERHEAD <= LONGEST_FRAME <= 64
     packet = decode_packet(data)
     assert packet.beat == (BEAT if leads else None)
@@ -110,11 +97,12 @@ def test_a_state_comes_out_as_it_went_in_within_the_steps_of_its_fields(state, l
     assert math.remainder(found.course - state.course, math.tau) == pytest.approx(0.0, abs=5e-5)
     # A ground speed is never negative, and 500 m/s fit.
     assert found.ground_speed == pytest.approx(max(state.ground_speed, 0.0), abs=0.51e-2)
-    assert found.acceleration == pytest.approx(clipped(state.acceleration, 32.767), abs=0.51e-3)
-    assert found.turn_rate == pytest.approx(clipped(state.turn_rate, 3.2767), abs=0.51e-4)
-    expected = clipped(state.turn_acceleration, 32.767)
-    assert found.turn_acceleration == pytest.approx(expected, abs=0.51e-3)
-    assert found.climb_rate == pytest.approx(state.climb_rate, abs=0.51e-2)
+    for name, greatest, step in (
+        *(("acceleration", 32.767, 1e-3), ("turn_rate", 3.2767, 1e-4)),
+        *(("turn_acceleration", 32.767, 1e-3), ("climb_rate", 327.67, 1e-2)),
+    ):
+        clipped = min(max(getattr(state, name), -greatest), greatest)
+        assert getattr(found, name) == pytest.approx(clipped, abs=0.51 * step), name
     assert found.term == min(state.term, 255)
     assert found.arrangement == state.arrangement
     # And so over the other links, and back.
@@ -196,15 +184,12 @@ def test_whatever_comes_is_a_packet_or_refused(data):
     ("data", "fault"),
     [
         (b"", "too short"),
-        (packed(PackedKind.BEAT, encode_beat(BEAT, BEAT_ALONE))[:-1], "bytes where"),
-        (packed(PackedKind.BEAT, encode_beat(replace(BEAT, beat=4), BEAT_ALONE)), "no beat"),
-        (
-            packed(
-                PackedKind.BEAT, encode_beat(BeatInfo(3, replace(TABLE, period_ms=0)), BEAT_ALONE)
-            ),
-            "no beat",
+        (packed(PackedKind.BEAT, BODIES[PackedKind.BEAT])[:-1], "bytes where"),
+        *(
+            (packed(PackedKind.BEAT, encode_beat(beat, BEAT_ALONE)), "no beat")
+            for beat in (replace(BEAT, beat=4), BeatInfo(3, replace(TABLE, period_ms=0)))
         ),
-        (packed(PackedKind.BEAT, encode_beat(BEAT, BEAT_ALONE), flags=0x20), "flags"),
+        (packed(PackedKind.BEAT, BODIES[PackedKind.BEAT], flags=0x20), "flags"),
         (b"\x0a" + bytes(30), "no kind"),
         (packed(PackedKind.STATE, b"\xff\xff\xff\x7f" + bytes(24), sender=1), "no place"),
         (packed(PackedKind.PRESENCE, bytes(9) + b"\xff" * 18), "no text"),
@@ -219,20 +204,18 @@ def test_what_is_wrong_is_refused(data, fault):
 
 
 def test_a_tag_is_of_one_key_one_session_and_one_text():
-    key = formation_key(bytes(32), "circle", ("lead", "f1"))
-    tag = tag_of(key, 5, b"text")
-    assert len(tag) == 8
-    assert tag == tag_of(key, 5, b"text")
-    others = {
-        tag_of(key, 6, b"text"),
-        tag_of(key, 5, b"tent"),
-        tag_of(formation_key(b"\1" + bytes(31), "circle", ("lead", "f1")), 5, b"text"),
-        tag_of(formation_key(bytes(32), "line", ("lead", "f1")), 5, b"text"),
-        tag_of(formation_key(bytes(32), "circle", ("lead", "f2")), 5, b"text"),
-        tag_of(formation_key(b"", "circle", ("lead", "f1")), 5, b"text"),
-    }
-    assert len(others) == 6
-    assert tag not in others
+    secret, names = bytes(32), ("lead", "f1")
+    key = formation_key(secret, "circle", names)
+    assert len(tag_of(key, 5, b"text")) == 8
+    different = (
+        *((secret, "line", names), (secret, "circle", ("lead", "f2"))),
+        *((b"\1" + bytes(31), "circle", names), (b"", "circle", names)),
+    )
+    tags = [
+        tag_of(formation_key(*one), 5, b"text") for one in ((secret, "circle", names), *different)
+    ]
+    assert tags[0] == tag_of(key, 5, b"text")
+    assert len({*tags, tag_of(key, 6, b"text"), tag_of(key, 5, b"tent")}) == 7
 
 
 @pytest.mark.parametrize("time_s", [math.nan, math.inf, -1.0, 3e10])
