@@ -21,14 +21,7 @@ import yaml
 from tests.autopilots.faults import Fault, Occurrence, faults, ordered
 from tests.autopilots.formation import Plan, flight_directory, fly, load, merged
 from tests.autopilots.programs import FlightError, find_mosquitto
-from tests.autopilots.simulators import (
-    PROGRAMS,
-    Conditions,
-    add_air,
-    add_program,
-    find_program,
-    wind_of,
-)
+from tests.autopilots.simulators import PROGRAMS, Conditions, find_program
 from tests.autopilots.verdict import AFTERMATH_HEADING, HEADING, Verdict
 from vfguide.companion.clock import Clock
 from vfguide.errors import VfguideError
@@ -41,8 +34,10 @@ def arguments() -> argparse.ArgumentParser:
     several: dict[str, Any] = {"action": "append", "default": []}
     add = parser.add_argument
     add("mission", type=Path, help="mission file")
-    add_program(parser)
-    add_air(parser)
+    add("--program", choices=list(PROGRAMS), default="arduplane", help=default)
+    add("--binary", help="the autopilot's program (default: $ARDUPLANE or $PX4)")
+    add("--wind", default="0,270", metavar="M_S,FROM_DEG", help="mean wind")
+    add("--factory", action="store_true", help="leave the autopilot's parameters as they come")
     add("--turbulence", type=float, default=0.0, help=f"ArduPlane's SIM_WIND_TURB {default}")
     add("--set", **several, metavar="NAME=VALUE", help="a parameter, in flight too")
     add("--with", **several, dest="changes", metavar="YAML", help="changed fields")
@@ -97,6 +92,7 @@ def flown(options: argparse.Namespace, *, record: bool = False) -> tuple[str, Ve
     occurrences += [order(text) for text in options.orders.split(",") if text]
     if options.kill_leader_at is not None:
         occurrences.append(Occurrence(known["leader-lost"], options.kill_leader_at))
+    wind_m_s, wind_from_deg = map(float, options.wind.split(","))
     binary = find_program(options.program, options.binary)
     with flight_directory(options.keep and options.keep.resolve()) as directory:
         plan = Plan(
@@ -104,7 +100,8 @@ def flown(options: argparse.Namespace, *, record: bool = False) -> tuple[str, Ve
             kind=PROGRAMS[options.program],
             binary=binary,
             conditions=Conditions(
-                **wind_of(options.wind),
+                wind_m_s=wind_m_s,
+                wind_from_deg=wind_from_deg,
                 turbulence=options.turbulence,
                 factory=options.factory,
                 parameters=dict(parameter(text) for text in options.set),

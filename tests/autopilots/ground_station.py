@@ -22,19 +22,14 @@ HEARTBEAT_S = 1.0
 ASK_AGAIN_S = 1.0
 
 
-WANTED = frozenset(
-    {
-        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
-        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
-        mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
-        mavlink.MAVLINK_MSG_ID_PARAM_ERROR,
-        mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
-        mavlink.MAVLINK_MSG_ID_SIM_STATE,
-        mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
-        mavlink.MAVLINK_MSG_ID_STATUSTEXT,
-        mavlink.MAVLINK_MSG_ID_VFR_HUD,
-        mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
-    }
+def message_ids(*names: str) -> frozenset[int]:
+    """Numbers of messages by their names."""
+    return frozenset(getattr(mavlink, f"MAVLINK_MSG_ID_{name}") for name in names)
+
+
+WANTED = message_ids(
+    *("HEARTBEAT", "SYSTEM_TIME", "PARAM_VALUE", "PARAM_ERROR", "COMMAND_ACK", "SIM_STATE"),
+    *("HIL_STATE_QUATERNION", "STATUSTEXT", "VFR_HUD", "AUTOPILOT_VERSION"),
 )
 """Most of what an autopilot tells a ground station is not looked at: it would take a third of a core."""
 
@@ -187,14 +182,10 @@ class GroundStation(Caller):
         truth: Callable[[MAVLink_message], tuple[float, ...] | None],
         clock: Clock,
     ) -> None:
-        """Connect, and begin to listen.
+        """Connect, and begin to listen, by the clock of the flight.
 
-        Args:
-            system_id: of the aircraft.
-            connect: makes the connected socket.
-            truth: (latitude in degrees, longitude, altitude, velocity north, east, bank) of a message
-                that holds the true state; None of any other.
-            clock: of the flight, which may be slower than the computer's.
+        The truth of a message is (latitude in degrees, longitude, altitude, velocity north, east, bank) if it
+        holds the true state; None of any other.
         """
         self.fixes: list[Fix] = []
         self.unknown_parameters: set[str] = set()

@@ -1,6 +1,5 @@
 """The two autopilots in software: how each is started, taken off and steered by its pilot."""
 
-import argparse
 import math
 import os
 import shutil
@@ -15,7 +14,7 @@ from pathlib import Path
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.dialects.v20.ardupilotmega import MAVLink_message
 
-from tests.autopilots.ground_station import GroundStation
+from tests.autopilots.ground_station import GroundStation, message_ids
 from tests.autopilots.programs import FlightError, Program, is_free, wait_for_port
 from vfguide.companion.clock import Clock
 
@@ -291,14 +290,9 @@ class Px4(Simulator):
     AIRFRAME: Mapping[str, float] = {"SIH_F_T_MAX": 12, "SIH_LOC_H0": 0}
     """Without the thrust it never lifts off; started high its height begins at 0 all the same."""
 
-    CHATTER = (
-        mavlink.MAVLINK_MSG_ID_ATTITUDE,
-        mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION,
-        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
-        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
-        mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
-        mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET,
-        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED,
+    CHATTER = message_ids(
+        *("ATTITUDE", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT"),
+        *("SERVO_OUTPUT_RAW", "ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED"),
     )
     """What ground stations of the simulation are sent 50 times a second unasked."""
 
@@ -445,14 +439,6 @@ def px4_truth(message: MAVLink_message) -> tuple[float, ...] | None:
 PROGRAMS: Mapping[str, type[ArduPlane] | type[Px4]] = {"arduplane": ArduPlane, "px4": Px4}
 
 
-def add_program(parser: argparse.ArgumentParser) -> None:
-    """Add the options that name an autopilot and its program."""
-    parser.add_argument(
-        "--program", choices=list(PROGRAMS), default="arduplane", help="(default: %(default)s)"
-    )
-    parser.add_argument("--binary", help="the autopilot's program (default: $ARDUPLANE or $PX4)")
-
-
 def find_program(kind: str, given: str | None = None) -> Path:
     """Find the autopilot's program, which a variable names if nothing is given."""
     given = given or os.environ.get(kind.upper())
@@ -462,20 +448,6 @@ def find_program(kind: str, given: str | None = None) -> Path:
     if not Path(found).is_file():
         raise FlightError(f"there is no program {given}")
     return Path(found).resolve()
-
-
-def add_air(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the wind, and of parameters that stay as they come."""
-    parser.add_argument("--wind", default="0,270", metavar="M_S,FROM_DEG", help="mean wind")
-    parser.add_argument(
-        "--factory", action="store_true", help="leave the autopilot's parameters as they come"
-    )
-
-
-def wind_of(text: str) -> dict[str, float]:
-    """Read M_S,FROM_DEG as fields of `Conditions`."""
-    speed_m_s, from_deg = (float(part) for part in text.split(","))
-    return {"wind_m_s": speed_m_s, "wind_from_deg": from_deg}
 
 
 def free_instances(kind: type[ArduPlane] | type[Px4], count: int) -> int:
