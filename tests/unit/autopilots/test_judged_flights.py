@@ -1,13 +1,5 @@
-"""A log held against the truth: a shifted clock changes no distance, a shifted place is reported.
+"""How real autopilots flew in truth: their tracks, logs held against them, and missions changed for it."""
 
-The common time base of several simulators, from reports that come late and clocks that lose time.
-
-What a ground station reads of a stream: frames of the wanted messages, however the stream is cut.
-
-How a mission is changed for a flight.
-"""
-
-from random import Random
 from types import SimpleNamespace
 from typing import cast
 
@@ -105,30 +97,21 @@ def station_of(
 
     Its clock, and what it flies by it, run at a pace.
     """
-    random = Random(1)
-    rows = []
-    for n in range(2500):
-        clock_s = 7.0 + 0.02 * n
-        true_s = 100.0 + 0.02 * n / pace
-        true_s += lost_s if true_s >= lost_at_s else 0.0
-        # Every fifth report comes without a delay.
-        late_s = random.uniform(0.0, delay_s) if n % 5 else 0.0
-        latitude, longitude = FRAME.to_geodetic(SPEED_M_S * 0.02 * n, 0.0)
-        rows.append(
-            {
-                "clock_s": clock_s,
-                "clock_arrival_s": true_s + late_s,
-                # Sent 4 ms after the clock was.
-                "arrival_s": true_s + 0.004 + late_s,
-                "latitude_deg": latitude,
-                "longitude_deg": longitude,
-                "altitude_amsl_m": 600.0,
-                "north_m_s": SPEED_M_S,
-                "east_m_s": 0.0,
-                "bank_rad": 0.0,
-            }
-        )
-    fields = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    n = np.arange(2500)
+    true_s = 100.0 + 0.02 * n / pace
+    true_s[true_s >= lost_at_s] += lost_s
+    # Every fifth report comes without a delay.
+    late_s = np.where(n % 5, np.random.default_rng(1).uniform(0.0, delay_s, n.size), 0.0)
+    places = [FRAME.to_geodetic(SPEED_M_S * 0.02 * each, 0.0) for each in n]
+    same = {"altitude_amsl_m": 600.0, "north_m_s": SPEED_M_S, "east_m_s": 0.0, "bank_rad": 0.0}
+    fields = {name: np.full(n.size, value) for name, value in same.items()} | {
+        "clock_s": 7.0 + 0.02 * n,
+        "clock_arrival_s": true_s + late_s,
+        # Sent 4 ms after the clock was.
+        "arrival_s": true_s + 0.004 + late_s,
+        "latitude_deg": np.array([latitude for latitude, _ in places]),
+        "longitude_deg": np.array([longitude for _, longitude in places]),
+    }
     return cast("GroundStation", SimpleNamespace(track=lambda: fields))
 
 
@@ -210,16 +193,9 @@ CONTENT = {
 }
 
 
-def test_fields_change_and_the_others_stay():
-    changed = merged(CONTENT, {"path": {"radius_m": 150}})
+def test_fields_change_a_group_of_another_type_takes_nothing_over_and_null_removes():
+    changed = merged(CONTENT, {"path": {"radius_m": 150}, "vehicles": {"f2": None}})
     assert changed["path"] == {"type": "circle", "radius_m": 150}
-    assert changed["vehicles"] == CONTENT["vehicles"]
-
-
-def test_a_group_of_another_type_takes_nothing_over():
+    assert changed["vehicles"] == {"f1": {"slips": True}}
     line = {"type": "line", "course_deg": 45}
-    assert merged(CONTENT, {"path": line})["path"] == line
-
-
-def test_null_removes():
-    assert merged(CONTENT, {"vehicles": {"f2": None}})["vehicles"] == {"f1": {"slips": True}}
+    assert merged(CONTENT, {"path": line}) == {**CONTENT, "path": line}

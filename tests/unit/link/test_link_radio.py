@@ -1,7 +1,4 @@
-"""Members that share a radio, in virtual time: what they hear, and what becomes of everything else.
-
-Recordings, companions of one name, forged and damaged packets on a shared radio.
-"""
+"""Members that share a radio, in virtual time: what they hear, and what hostile packets come to."""
 
 from collections import Counter
 from random import Random
@@ -218,21 +215,15 @@ def test_a_leader_that_starts_listens_for_two_cycles_before_it_speaks():
     assert "another session or forged" in one.refused
 
 
-def test_who_watches_hears_presences_and_is_silent():
-    channel, *_ = formation()
-    watcher = channel.craft("eye", session=8, watches=True)
-    channel.fly(10.0)
-    assert set(watcher.presences) == set(NAMES)
-    assert watcher.presences["f1"].mode == "tracking"
-    assert watcher.station.next_turn(channel.air.now) is None
-
-
-def test_who_watches_is_told_nothing_by_a_repeated_presence():
+def test_who_watches_hears_presences_is_silent_and_is_told_nothing_by_a_repeated_one():
     channel, _, one, _ = formation()
     watcher = channel.craft("eye", session=8, watches=True)
     frames = channel.record()
     channel.fly(10.0)
     kept = dict(watcher.presences)
+    assert set(kept) == set(NAMES)
+    assert kept["f1"].mode == "tracking"
+    assert watcher.station.next_turn(channel.air.now) is None
     said = [frame for frame in frames if packets_of([frame]) == [PackedKind.PRESENCE]]
     for frame in said[:-2]:
         watcher.station.hear(frame, channel.air.now)

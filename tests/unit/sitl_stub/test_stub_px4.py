@@ -361,15 +361,21 @@ def test_guided_course_ends_13_seconds_after_the_last_ground_station(action, mod
     assert [m.text for m in of_type(messages, "STATUSTEXT")] == ["Failsafe activated"]
 
 
-def test_a_companion_s_heartbeat_is_no_ground_station_s():
+@pytest.mark.parametrize(
+    ("speaks", "excepted", "mode"),
+    # A companion is no ground station; Guided Course can be excepted by a bit.
+    [(18, 0, "AUTO.LOITER"), (18, 2, "AUTO.COURSE"), (mavlink.MAV_TYPE_GCS, 0, "AUTO.COURSE")],
+)
+def test_whose_heartbeats_keep_guided_course(speaks, excepted, mode):
     vehicle = new_station(autopilot="px4")
     ground_station_speaks(vehicle)
+    set_whole(vehicle, "COM_DLL_EXCEPT", excepted)
     set_whole(vehicle, "NAV_DLL_ACT", 1)
     vehicle.command_long(*GUIDED_COURSE)
     for second in range(14):
-        ground_station_speaks(vehicle, mavlink.MAV_TYPE_ONBOARD_CONTROLLER)
+        ground_station_speaks(vehicle, speaks)
         vehicle.advance(second + 1.0)
-    assert vehicle.truth.mode == "AUTO.LOITER"
+    assert vehicle.truth.mode == mode
 
 
 def test_without_a_ground_station_the_fail_safe_acts_as_soon_as_it_is_switched_on():
@@ -380,15 +386,6 @@ def test_without_a_ground_station_the_fail_safe_acts_as_soon_as_it_is_switched_o
     vehicle.advance(31.0)
     ground_station_speaks(vehicle)
     assert vehicle.result(vehicle.command_long(*GUIDED_COURSE)) == "ACCEPTED"
-
-
-def test_guided_course_can_be_excepted_from_it():
-    vehicle = new_station(autopilot="px4")
-    ground_station_speaks(vehicle)
-    set_whole(vehicle, "COM_DLL_EXCEPT", 2)
-    set_whole(vehicle, "NAV_DLL_ACT", 1)
-    vehicle.command_long(*GUIDED_COURSE)
-    assert vehicle.flown(60.0).mode == "AUTO.COURSE"
 
 
 def test_an_unknown_parameter_is_answered_with_an_error():

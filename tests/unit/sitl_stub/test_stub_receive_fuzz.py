@@ -9,15 +9,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub import Autopilot, PlantParameters, SteadyWind
 from tests.kit.autopilot import new_autopilot, new_station
+from tests.kit.wire import frame_of, packed
 
-LINK = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
 COMMANDS = (176, 178, 400, 511, 512, 43000, 43001, 43002, 192)
 
 
 def autopilot(kind: str = "ardupilot", plant: str = "heading-hold") -> Autopilot:
-    vehicle = new_autopilot(
-        SteadyWind(5.0, 1.0), autopilot=kind, plant=PlantParameters(kind=plant), course_rad=1.0
-    )
+    plant_of_it = PlantParameters(kind=plant)
+    vehicle = new_autopilot(SteadyWind(5.0, 1.0), autopilot=kind, plant=plant_of_it, course_rad=1.0)
     if kind == "ardupilot":
         vehicle.receive(command(176, (1, 15, 0, 0)))
     return vehicle
@@ -25,7 +24,7 @@ def autopilot(kind: str = "ardupilot", plant: str = "heading-hold") -> Autopilot
 
 def command(number: int, parameters: tuple[float, ...], z: float = 0.0, frame: int = 3) -> bytes:
     message = mavlink.MAVLink_command_int_message(7, 1, frame, number, 0, 0, *parameters, 0, 0, z)
-    return bytes(message.pack(LINK))
+    return packed(message)
 
 
 def is_finite(vehicle: Autopilot) -> bool:
@@ -49,21 +48,11 @@ def test_garbage_does_not_swallow_the_next_datagram(data, magic):
     assert vehicle.receive(command(512, (0, 0, 0, 0))) != b""
 
 
-def valid_frames() -> list[bytes]:
-    source = default_rng(5)
-    frames = []
-    for _, message_class in sorted(mavlink.mavlink_map.items()):
-        payload = source.bytes(message_class.unpacker.size)
-        number = message_class.id.to_bytes(3, "little")
-        header = bytes([0xFD, len(payload), 0, 0, 0, 255, 190]) + number
-        assert message_class.unpacker.unpack(payload)
-        checksum = mavlink.x25crc(header[1:] + payload)
-        checksum.accumulate(bytes([message_class.crc_extra]))
-        frames.append(header + payload + struct.pack("<H", checksum.crc))
-    return frames
-
-
-FRAMES = valid_frames()
+SOURCE = default_rng(5)
+FRAMES = [
+    frame_of(number, SOURCE.bytes(kind.unpacker.size), system_id=255)
+    for number, kind in sorted(mavlink.mavlink_map.items())
+]
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
@@ -127,7 +116,7 @@ def test_no_setpoint_makes_the_flight_leave_the_finite(sent):
         setpoint = mavlink.MAVLink_set_position_target_local_ned_message(
             0, 7, 1, 1, mask, 0, 0, z, north, east, 0, 0, 0, 0, 0, 0
         )
-        vehicle.receive(setpoint.pack(LINK))
+        vehicle.receive(packed(setpoint))
         vehicle.receive(command(176, (1, 6, 0, 0)))
         vehicle.advance(0.1 * index)
         assert is_finite(vehicle)
