@@ -6,7 +6,6 @@ from random import Random
 import pytest
 from msgspec.structs import replace
 
-from tests.benchmarks.hostile_radio import Hostile
 from tests.kit.link import FORMATION, LEADER
 from tests.kit.radio import state_at
 from tests.unit.link.radio_crafts import (
@@ -382,18 +381,40 @@ def test_own_packets_that_a_radio_sends_back_are_passed_over():
 
 
 def test_a_hundred_thousand_hostile_packets_raise_nothing_and_are_counted_by_reason():
-    """Noise, cut, changed, repeated, of another formation and another session."""
+    """Noise, cut, changed, repeated, of another formation and another session, and beats at will."""
     channel, _, one, _ = formation()
     frames = channel.record()
     channel.fly(10.0)
-    framer, key = Framer(Counter()), formation_key(KEY, FORMATION, NAMES)
+    stranger, *_ = formation()
+    others = stranger.record()
+    stranger.fly(3.0)
     # What is still on its way was not heard before.
-    hostile = Hostile([framer.feed(frame)[0] for frame in frames[:-5]], key)
+    frames, random, framer = frames[:-5], Random(5), Framer(Counter())
+    real, foreign = ([framer.feed(frame)[0] for frame in said] for said in (frames, others))
+
+    def changed(packet: bytes) -> bytes:
+        data = bytearray(packet)
+        data[random.randrange(len(data))] ^= random.randrange(1, 256)
+        return bytes(data)
+
+    def elsewhere(packet: bytes) -> bytes:
+        return packet[:1] + b"\xee\xee" + packet[3:]
+
+    kinds = (
+        lambda: random.randbytes(random.randrange(1, 120)),
+        lambda: random.choice(frames)[: random.randrange(40)],
+        *(
+            lambda: encode_frame(changed(random.choice(real))),
+            lambda: encode_frame(random.choice(real)),
+        ),
+        lambda: encode_frame(elsewhere(random.choice(real))),
+        lambda: encode_frame(random.choice(foreign)),
+    )
     one.heard.clear()
     one.neighbours.clear()
     clock_s, offset_s = one.member.clock(), one.peer_clock.offset_s
     for number in range(100_000):
-        one.station.hear(hostile(), clock_s + number * 1e-3)
+        one.station.hear(kinds[number % 6](), clock_s + number * 1e-3)
     assert not one.heard
     assert not one.neighbours
     assert one.peer_clock.offset_s == offset_s
