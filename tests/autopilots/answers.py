@@ -132,7 +132,7 @@ class Answers:
         else:
             number = mavlink.__dict__[f"MAV_CMD_{step['command']}"]
             values = tuple(step.get("with", ()))
-        by_form = number in BY_FORM and step.get("form", self._form) == "int"
+        by_form = step.get("command") in BY_FORM and step.get("form", self._form) == "int"
         if not by_form:
             return command_long(number, *values, system_id=target)
         padded = (*values, *(0.0,) * (4 - len(values)))
@@ -175,14 +175,9 @@ class Answers:
         return main << 16 | (sub[0] if sub else 0) << 24
 
 
-BY_FORM = frozenset(
-    {
-        mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
-        mavlink.MAV_CMD_GUIDED_CHANGE_SPEED,
-        mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
-        mavlink.MAV_CMD_DO_REPOSITION,
-    }
-)
+BY_FORM = {
+    *("GUIDED_CHANGE_HEADING", "GUIDED_CHANGE_SPEED", "GUIDED_CHANGE_ALTITUDE", "DO_REPOSITION")
+}
 """Commands that companions send as COMMAND_INT where the autopilot takes it; the others are COMMAND_LONG."""
 
 

@@ -3,52 +3,24 @@
 import math
 
 import pytest
+import yaml
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl_stub import Autopilot, CalmWind, PlantParameters
-from tests.autopilots.answers import Answers
+from sitl_stub import Autopilot, CalmWind
+from sitl_stub.settings import Settings
+from tests.autopilots.answers import RECORDINGS, Answers
 from tests.autopilots.emulated import Emulated
-from tests.kit.autopilot import config_of
 
-SYSTEM_ID = 7
-
-ARDUPLANE = PlantParameters(
-    kind="bank",
-    guided_p_cdeg_rad=5000.0,
-    turn_efficiency=0.745,
-    speed_response="tecs",
-    airspeed_min_m_s=10.0,
-    airspeed_max_m_s=30.0,
-    max_bank_rad=math.radians(65.0),
-)
-"""Model `plane`, with the parameters that it brings."""
-
-PX4 = PlantParameters(
-    kind="npfg",
-    alpha_1_s=4.0 * math.pi * 0.7 / 10.0,
-    speed_response="px4-untrimmed",
-    course_dead_time_s=0.06,
-    roll_delay_s=0.2,
-    airspeed_min_m_s=10.0,
-    airspeed_max_m_s=20.0,
-    max_bank_rad=math.radians(50.0),
-)
-"""SIH's airplane, with the parameters that it brings."""
+AIRCRAFT = yaml.safe_load((RECORDINGS / "responses.yaml").read_text())["autopilots"]
+"""With the parameters that they bring."""
 
 
-def on_the_ground(autopilot: str, plant: PlantParameters) -> Emulated:
+def on_the_ground(autopilot: str) -> Emulated:
     """One that stands on the ground, disarmed."""
-    config = config_of(
-        autopilot=autopilot,
-        plant=plant,
-        altitude_amsl_m=0.0,
-        home_altitude_amsl_m=0.0,
-        airspeed_m_s=15.0,
-        airborne=False,
-        armed=False,
-        loop_rate_hz=50.0 if autopilot == "ardupilot" else None,
-    )
-    return Emulated(Autopilot(config, CalmWind()), SYSTEM_ID)
+    place = {"system_id": 7, "start": (47.0, 8.0, 0.0, 0.0), "airspeed_m_s": 15.0}
+    loop = {"loop_rate_hz": 50.0} if autopilot == "arduplane-factory" else {}
+    config = Settings.of({**AIRCRAFT[autopilot], **place, **loop}).config()
+    return Emulated(Autopilot(config, CalmWind()), 7)
 
 
 def ordered(subject: Emulated, command: int, *values: float) -> None:
@@ -57,7 +29,7 @@ def ordered(subject: Emulated, command: int, *values: float) -> None:
 
 
 def loitering_px4() -> Emulated:
-    subject = on_the_ground("px4", PX4)
+    subject = on_the_ground("px4-factory")
     ordered(subject, mavlink.MAV_CMD_NAV_TAKEOFF, -1.0, 0.0, 0.0, *[math.nan] * 4)
     ordered(subject, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
     subject.pass_time(60.0)
@@ -65,7 +37,7 @@ def loitering_px4() -> Emulated:
 
 
 def loitering_arduplane() -> Emulated:
-    subject = on_the_ground("ardupilot", ARDUPLANE)
+    subject = on_the_ground("arduplane-factory")
     ordered(subject, mavlink.MAV_CMD_DO_SET_MODE, 1.0, 13.0)
     ordered(subject, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
     subject.pass_time(60.0)

@@ -293,6 +293,17 @@ def test_a_follower_that_starts_anew_is_heard_again_and_its_last_session_no_more
     assert leader.counters["refused: an earlier session"] >= 9
 
 
+def with_rival() -> tuple[Wire, Station, Station, Station, Station]:
+    """A formation, and another companion of its leader that has stepped back."""
+    wire, leader, one, other = formation(12.0)
+    rival = wire.station(LEADER, session=70, skew_s=40.0)
+    for _ in range(3):
+        rival.member.publish(b"rival")
+        wire.fly(leader, 0.5, one, other)
+    assert rival.member.stands_back
+    return wire, leader, one, other, rival
+
+
 def test_a_second_leader_is_found_out_and_not_followed():
     wire, leader, one, _ = formation(2.0)
     rival = wire.station(LEADER, session=70)
@@ -310,12 +321,7 @@ def test_a_second_leader_is_found_out_and_not_followed():
 
 
 def test_the_younger_of_two_companions_of_the_leader_steps_back_until_the_other_is_silent():
-    wire, leader, one, other = formation(12.0)
-    rival = wire.station(LEADER, session=70, skew_s=40.0)
-    for _ in range(3):
-        rival.member.publish(b"rival")
-        wire.fly(leader, 0.5, one, other)
-    assert rival.member.stands_back
+    wire, leader, one, other, rival = with_rival()
     assert not leader.member.stands_back
     one.heard.clear()
     for _ in range(40):
@@ -386,12 +392,7 @@ def test_two_companions_of_the_leader_that_begin_at_once_step_back_until_chance_
 
 def test_a_recording_of_its_own_run_before_makes_no_leader_step_back():
     """Also where all is played that was said in its name to another of its name, the answers included."""
-    wire, leader, one, other = formation(12.0)
-    rival = wire.station(LEADER, session=70)
-    for _ in range(3):
-        rival.member.publish(b"rival")
-        wire.fly(leader, 0.5, one, other)
-    assert rival.member.stands_back
+    wire, *_ = with_rival()
     old = [parcel.data for parcel in wire.sent if decode_envelope(parcel.data).sender == LEADER]
     assert {Kind.QUESTION, Kind.ANSWER} <= {decode_envelope(data).kind for data in old}
     wire.stations.clear()

@@ -9,14 +9,13 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from typer.testing import CliRunner
 
 from sitl_stub import Autopilot, PlantParameters, cli
 from sitl_stub.cli import MOST_BYTES, ConfigError, read_settings
 from sitl_stub.config import OptionError
 from sitl_stub.settings import Settings
-from tests.kit.wire import packed, parsed
+from tests.kit.autopilot import GroundStation
 
 
 def test_lines_are_options_without_their_dashes(tmp_path):
@@ -202,7 +201,7 @@ def test_a_wrong_option_is_one_line_and_status_2(options, said, capsys):
     assert said in errors
 
 
-def emulated(options: list[str], monkeypatch: pytest.MonkeyPatch) -> Autopilot:
+def emulated(options: list[str], monkeypatch: pytest.MonkeyPatch) -> GroundStation:
     """What these options let fly."""
     served: list[tuple[Autopilot, object]] = []
 
@@ -210,50 +209,41 @@ def emulated(options: list[str], monkeypatch: pytest.MonkeyPatch) -> Autopilot:
         served.extend(emulated)
 
     monkeypatch.setattr(cli, "serve_all", serve)
-    given = ["--system-id", "1", "--mavlink", "udpin://127.0.0.1:0", "--airborne", *options]
-    with pytest.raises(SystemExit) as caught:
-        cli.app(given)
-    assert caught.value.code == 0
-    return served[0][0]
-
-
-def told(vehicle: Autopilot, name: bytes) -> float:
-    """A parameter as a ground station reads it."""
-    asked = mavlink.MAVLink_param_request_read_message(1, 1, name, -1)
-    (value,) = parsed(vehicle.receive(packed(asked)))
-    return float(value.param_value)
+    given = ["--system-id", "7", "--mavlink", "udpin://127.0.0.1:0", "--airborne", *options]
+    assert CliRunner().invoke(cli.app, given).exit_code == 0
+    return GroundStation(served[0][0])
 
 
 @pytest.mark.parametrize(
     ("options", "name", "value"),
     [
-        (["--autopilot", "px4"], b"FW_R_LIM", 50.0),
-        (["--autopilot", "px4", "--max-bank", "45"], b"FW_R_LIM", 45.0),
-        ([], b"ROLL_LIMIT_DEG", 45.0),
+        (["--autopilot", "px4"], "FW_R_LIM", 50.0),
+        (["--autopilot", "px4", "--max-bank", "45"], "FW_R_LIM", 45.0),
+        ([], "ROLL_LIMIT_DEG", 45.0),
     ],
 )
 def test_the_bank_limit_is_the_autopilot_s_own_where_it_is_not_given(
     options, name, value, monkeypatch
 ):
-    assert told(emulated(options, monkeypatch), name) == pytest.approx(value)
+    assert emulated(options, monkeypatch).read(name).param_value == pytest.approx(value)
 
 
 def test_px4_flies_its_own_loops_where_no_plant_is_named(monkeypatch):
-    plant = emulated(["--autopilot", "px4"], monkeypatch).config.plant
+    plant = emulated(["--autopilot", "px4"], monkeypatch).autopilot.config.plant
     assert (plant.kind, plant.speed_response) == ("npfg", "px4-untrimmed")
     assert plant.alpha_1_s == pytest.approx(0.8796, abs=1e-4)
     assert (plant.roll_time_s, plant.roll_delay_s, plant.course_dead_time_s) == (0.4, 0.2, 0.06)
     changed = emulated(
         ["--autopilot", "px4", "--alpha", "0.7", "--speed-response", "px4", "--roll-delay", "0"],
         monkeypatch,
-    ).config.plant
+    ).autopilot.config.plant
     assert (changed.kind, changed.alpha_1_s) == ("npfg", 0.7)
     assert (changed.speed_response, changed.roll_delay_s) == ("px4", 0.0)
 
 
 @pytest.mark.parametrize("options", [["--autopilot", "px4", "--plant", "heading-hold"], []])
 def test_a_plant_that_is_named_is_flown_as_it_is(options, monkeypatch):
-    plant = emulated(options, monkeypatch).config.plant
+    plant = emulated(options, monkeypatch).autopilot.config.plant
     # But for the bank limit, which is the autopilot's own.
     assert replace(plant, max_bank_rad=PlantParameters().max_bank_rad) == PlantParameters()
 

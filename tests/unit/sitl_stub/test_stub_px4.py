@@ -16,6 +16,7 @@ STEERED = (1, 14)
 """The last version that flies the course of a velocity."""
 
 UNSUPPORTED, NON_FINITE = "unsupported setpoint", "non-finite field"
+REJECTED = "TEMPORARILY_REJECTED"
 
 EAST_M = 50_000.0
 """So far away that the bearing stays what it is."""
@@ -84,7 +85,7 @@ def test_offboard_needs_a_setpoint_within_half_a_second(setpoint):
     vehicle = new_station(autopilot="px4")
     getattr(vehicle, setpoint)(20.0, 0.0)
     vehicle.advance(0.6)
-    assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "TEMPORARILY_REJECTED"
+    assert vehicle.result(vehicle.command_long(*OFFBOARD)) == REJECTED
     getattr(vehicle, setpoint)(20.0, 0.0)
     assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "ACCEPTED"
     assert vehicle.truth.mode == "OFFBOARD"
@@ -166,7 +167,7 @@ def test_a_global_position_carries_course_and_height(frame, altitude_m):
 def test_what_is_no_setpoint_is_counted_and_does_not_feed_the_stream(setpoint, counter):
     vehicle = new_station(autopilot="px4")
     setpoint(vehicle)
-    assert vehicle.result(vehicle.command_long(*OFFBOARD)) == "TEMPORARILY_REJECTED"
+    assert vehicle.result(vehicle.command_long(*OFFBOARD)) == REJECTED
     assert vehicle.autopilot.counters[counter] == 1
 
 
@@ -222,7 +223,7 @@ def test_a_mode_that_is_refused_ends_no_fail_safe():
     offboard(vehicle)
     vehicle.advance(5.0)
     assert vehicle.command_long(512, 0)[-1].system_status == mavlink.MAV_STATE_CRITICAL
-    assert vehicle.result(vehicle.command_long(176, 1, 6)) == "TEMPORARILY_REJECTED"
+    assert vehicle.result(vehicle.command_long(176, 1, 6)) == REJECTED
     assert vehicle.command_long(512, 0)[-1].system_status == mavlink.MAV_STATE_CRITICAL
 
 
@@ -311,12 +312,6 @@ def test_a_reposition_ends_the_course_unless_its_frame_is_none_on_the_globe(fram
     assert vehicle.truth.mode == mode
 
 
-def test_guided_course_came_with_1_18():
-    vehicle = new_station(autopilot="px4", version=(1, 17))
-    assert vehicle.result(vehicle.command_long(*GUIDED_COURSE)) == "TEMPORARILY_REJECTED"
-    assert vehicle.result(vehicle.command_long(43_002, 0, 90.0)) == "UNSUPPORTED"
-
-
 @pytest.mark.parametrize(
     ("kind", "speed", "flown"),
     [(0, 24.0, 24.0), (0, 99.0, 32.0), (0, 5.0, 12.0), (0, math.nan, 20.0), (1, 24.0, 24.0)],
@@ -333,17 +328,21 @@ def test_the_article_s_plant_takes_a_ground_speed_by_it():
     assert vehicle.flown(15.0).ground_speed_m_s == pytest.approx(22.0, abs=1e-3)
 
 
-@pytest.mark.parametrize("command", [43000, 43001])
-def test_arduplane_s_commands_are_unsupported(command):
-    vehicle = new_station(autopilot="px4")
-    assert vehicle.result(vehicle.command_long(command)) == "UNSUPPORTED"
-
-
-@pytest.mark.parametrize(("main", "sub"), [(9, 0), (4, 99), (6, 1), (-1, 0), (6.5, 0), (300, 0)])
-def test_modes_that_do_not_exist_are_rejected(main, sub):
-    vehicle = new_station(autopilot="px4")
+@pytest.mark.parametrize(
+    ("version", "command", "answer"),
+    [
+        # Guided Course came with 1.18; these modes do not exist.
+        *(((1, 17), GUIDED_COURSE, REJECTED), ((1, 17), (43_002, 0, 90.0), "UNSUPPORTED")),
+        *((None, (176, 1, *mode), REJECTED) for mode in ((9, 0), (4, 99), (6, 1), (-1, 0))),
+        *((None, (176, 1, main, 0), REJECTED) for main in (6.5, 300)),
+        # ArduPlane's.
+        *((None, (command,), "UNSUPPORTED") for command in (43_000, 43_001)),
+    ],
+)
+def test_what_it_does_not_have_is_refused(version, command, answer):
+    vehicle = new_station(autopilot="px4", version=version)
     vehicle.velocity_setpoint(20.0, 0.0)
-    assert vehicle.result(vehicle.command_long(176, 1, main, sub)) == "TEMPORARILY_REJECTED"
+    assert vehicle.result(vehicle.command_long(*command)) == answer
     assert vehicle.truth.mode == "AUTO.LOITER"
 
 
