@@ -56,7 +56,6 @@ class Air:
     def __init__(self, desk: OrderDesk) -> None:
         self.desk = desk
         self.now = 100.0
-        self.order_lead_s = 6.0
         self.orders: list[Arrangement] = []
         self.member: Any = SimpleNamespace(
             trust=SimpleNamespace(leader="leader"), formation_time=lambda: self.now
@@ -147,11 +146,17 @@ def test_a_hold_is_laid_by_the_leader_that_leads_not_by_one_that_its_pilot_has(m
     desk.heard_lead("f2", state(47.6, term=1, leads=True))
     desk.heard_lead("f2", state(47.6, term=5, leads=True))
     desk.heard_lead("f1", state(47.6, term=5))
-    after = desk.leader_place(100.0)
-    assert before is not None
-    assert after is not None
     # A tenth of a degree of latitude.
-    assert after.north - before.north == pytest.approx(11_120.0, abs=20.0)
+    assert desk.leader_place(100.0).north - before.north == pytest.approx(11_120.0, abs=20.0)
+
+
+def test_a_leader_that_climbs_is_expected_higher_by_the_time_of_an_order(mission):
+    desk = OrderDesk(mission, clock=lambda: 0.0)
+    desk.heard_state("leader", state(47.4, climb_rate=2.5))
+    place = desk.leader_place(106.0)
+    # 588 m above mean sea level is 100 m above the origin; 6 s later it is 15 m higher.
+    assert (place.height, place.climb_rate) == pytest.approx((115.0, 2.5))
+    assert desk.places()["leader"].height == pytest.approx(100.0)
 
 
 def test_two_orders_of_one_second_have_different_numbers_mostly_and_later_ones_greater():
@@ -167,19 +172,9 @@ def test_two_orders_of_one_second_have_different_numbers_mostly_and_later_ones_g
 
 
 def test_who_gets_no_answer_hears_whether_anything_arrived_and_the_remedy():
-    assert unanswered(Counter()).startswith("nothing arrives")
-    assert unanswered(Counter({"copies": 7})).startswith("nothing arrives")
-    refused = {"refused: forged": 3, "refused: another session of the leader": 41}
-    told = unanswered(Counter({**refused, "copies": 9}))
+    for arrived in (Counter(), Counter({"copies": 7})):
+        assert unanswered(arrived).startswith("nothing arrives")
+    refused = {"refused: forged": 3, "refused: another session of the leader": 41, "copies": 9}
+    told = unanswered(Counter(refused))
     assert told.startswith("44 messages arrived that are not believed, most for 'another")
     assert "the keys that the companions use" in told
-
-
-def test_a_leader_that_climbs_is_expected_higher_by_the_time_of_an_order(mission):
-    desk = OrderDesk(mission, clock=lambda: 0.0)
-    desk.heard_state("leader", state(47.4, climb_rate=2.5))
-    place = desk.leader_place(106.0)
-    assert place is not None
-    # 588 m above mean sea level is 100 m above the origin; 6 s later it is 15 m higher.
-    assert (place.height, place.climb_rate) == pytest.approx((115.0, 2.5))
-    assert desk.places()["leader"].height == pytest.approx(100.0)

@@ -39,14 +39,17 @@ def test_an_order_gives_each_a_place(order, places):
     assert ends_of(ordered(order)) == dict(zip(HOME, places, strict=True))
 
 
-def test_who_leaves_has_no_place_and_who_joins_gets_the_missions():
-    gone = ordered(Order(leave=("f2",)))
-    assert gone.vehicles == {"f1", "f3"}
-    back = ordered(Order(join=("f2",)), FORMATION.after(gone))
-    place = back.place_of("f2")
-    assert place is not None
+def test_who_leaves_has_no_place_and_gets_one_by_joining_alone():
+    left = ordered(Order(leave=("f2",)))
+    assert left.vehicles == {"f1", "f3"}
+    gone = FORMATION.after(left)
     # It has no slot to move from: it comes to the one that waits for it.
+    place = ordered(Order(join=("f2",)), gone).place_of("f2")
     assert place.begin == place.end == HOME["f2"]
+    with pytest.raises(RefusedOrderError, match="f2 is not in the formation: let it join first"):
+        ordered(Order(slots={"f2": Point(-60.0, 0.0)}), gone)
+    back = ordered(Order(join=("f2",), slots={"f2": Point(-60.0, 0.0)}), gone)
+    assert back.place_of("f2").end == Point(-60.0, 0.0)
 
 
 def test_a_hold_stacks_heights_on_a_circle_and_resume_takes_them_back():
@@ -54,8 +57,7 @@ def test_a_hold_stacks_heights_on_a_circle_and_resume_takes_them_back():
     assert held.flown is Manoeuvre.HOLD
     assert [one.end.up for one in held.places] == [15.0, 30.0, 45.0]
     resumed = ordered(Order(action="resume"), FORMATION.after(held))
-    assert resumed.flown is Manoeuvre.FORMATION
-    assert resumed.circle is None
+    assert (resumed.flown, resumed.circle) == (Manoeuvre.FORMATION, None)
     assert {one.end.up for one in resumed.places} == {0.0}
 
 
@@ -79,14 +81,6 @@ def test_an_order_that_cannot_be_carried_out_is_refused_in_a_sentence(order, sen
         ordered(order)
 
 
-def test_who_has_left_gets_a_slot_by_joining_alone():
-    gone = FORMATION.after(ordered(Order(leave=("f2",))))
-    with pytest.raises(RefusedOrderError, match="f2 is not in the formation: let it join first"):
-        ordered(Order(slots={"f2": Point(-60.0, 0.0)}), gone)
-    back = ordered(Order(join=("f2",), slots={"f2": Point(-60.0, 0.0)}), gone)
-    assert next(one.end for one in back.places if one.vehicle == "f2") == Point(-60.0, 0.0)
-
-
 def test_after_an_abort_nothing_but_an_abort_can_be_ordered():
     aborted = replace(FORMATION, flown=Manoeuvre.ABORT)
     with pytest.raises(RefusedOrderError, match="called off"):
@@ -100,19 +94,16 @@ def test_after_an_abort_nothing_but_an_abort_can_be_ordered():
 )
 def test_any_order_but_resume_keeps_a_hold_its_circle_and_its_stack(order):
     held = FORMATION.after(ordered(Order(action="hold"), circle=CIRCLE))
+    # The stack does not count for the spacing: f1 is 20 m behind and 20 m to the right, 28.28 m; with 15 m
+    # above it would be 32.02 m.
+    assert held.spacing == pytest.approx(28.284, abs=0.001)
     # Another circle is not what was asked for.
     found = ordered(order, held, replace(CIRCLE, radius_m=900.0))
     assert found.flown is Manoeuvre.HOLD
     assert found.circle == CIRCLE
     heights = {"f1": 15.0, "f2": 30.0, "f3": 45.0}
-    held = {name: heights[name] for name in found.vehicles}
-    assert {one.vehicle: one.end.up for one in found.places} == held
-
-
-def test_the_stack_of_a_hold_does_not_count_for_the_spacing():
-    held = FORMATION.after(ordered(Order(action="hold"), circle=CIRCLE))
-    # f1 is 20 m behind and 20 m to the right: 28.28 m; with 15 m above it would be 32.02 m.
-    assert held.spacing == pytest.approx(28.284, abs=0.001)
+    kept = {name: heights[name] for name in found.vehicles}
+    assert {one.vehicle: one.end.up for one in found.places} == kept
 
 
 def test_who_joins_has_15_m_beside_its_slot_or_is_refused():
@@ -187,8 +178,6 @@ def joined(name: str, *orders: Order) -> tuple[float, float, float]:
 
 
 LEFT = Order(leave=("f3",))
-
-
 WIDER = Order(spacing=42.426)
 """28.3 m between neighbours in the mission: half as much again."""
 
@@ -230,21 +219,25 @@ def test_it_comes_to_the_gap_of_a_shape_that_it_has_left():
     for name, place in shaped.slots.items():
         gap = after(Order(leave=(name,)), Order(join=(name,)), formation=shaped).slots[name]
         assert (gap.forward, gap.right) == (place.forward, place.right)
+    # Between the leader and the last of a trail, whose spacing may have been 60 m or 30 m as far as the
+    # last one tells, there is room first: 20 m was of three.
+    first, *_ = others = tuple(name for name, slot in shaped.slots.items() if slot.forward > -60.0)
+    slots = after(Order(leave=others), Order(join=(first,)), formation=shaped).slots
+    assert slots[first].forward == -30.0
 
 
-def test_between_the_leader_and_the_last_of_a_trail_there_is_room_first():
-    shaped = after(Order(shape="trail", spacing=20.0))
-    # Whose spacing may have been 60 m or 30 m, as far as the last one tells: 20 m was of three.
-    (last,) = [name for name, slot in shaped.slots.items() if slot.forward == -60.0]
-    others = tuple(name for name in VEE if name != last)
-    slots = after(Order(leave=others), Order(join=(others[0],)), formation=shaped).slots
-    assert slots[others[0]].forward == -30.0
-
-
-def test_two_that_join_at_once_come_to_two_places():
-    gone = after(Order(leave=("f2", "f3")), Order(shape="trail", spacing=20.0))
-    slots = after(Order(join=("f2", "f3")), formation=gone).slots
-    assert sorted(slot.forward for slot in slots.values()) == [-60.0, -40.0, -20.0]
+@pytest.mark.parametrize(
+    ("left", "spacing", "forward"),
+    [
+        (("f2", "f3"), {}, [-60.0, -40.0, -20.0]),
+        # With a spacing it counts from the present shape.
+        (("f3",), {"spacing": 30.0}, [-90.0, -60.0, -30.0]),
+    ],
+)
+def test_two_that_join_at_once_come_to_two_places(left, spacing, forward):
+    gone = after(Order(leave=left), Order(shape="trail", spacing=20.0))
+    slots = after(Order(join=left, **spacing), formation=gone).slots
+    assert sorted(slot.forward for slot in slots.values()) == forward
 
 
 def test_among_slots_by_name_it_comes_to_its_slot_in_the_mission_or_is_refused():
@@ -253,9 +246,3 @@ def test_among_slots_by_name_it_comes_to_its_slot_in_the_mission_or_is_refused()
     there = Order(slots={"f1": Point(-33.0, 37.0), "f2": Point(5.0, -30.0)})
     with pytest.raises(RefusedOrderError, match=r"f3 would join 9\.1 m from f1, less than 15 m"):
         joined("f3", LEFT, there)
-
-
-def test_an_order_to_join_and_of_a_spacing_counts_from_the_present_shape():
-    gone = after(LEFT, Order(shape="trail", spacing=20.0))
-    slots = after(Order(join=("f3",), spacing=30.0), formation=gone).slots
-    assert sorted(slot.forward for slot in slots.values()) == [-90.0, -60.0, -30.0]

@@ -40,16 +40,13 @@ def points(places: Sequence[Offset]) -> dict[str, Point]:
     return {f"f{number}": Point(*place) for number, place in enumerate(places, 1)}
 
 
+def matrices(size: int) -> st.SearchStrategy[list[list[float]]]:
+    row = st.lists(st.integers(0, 9).map(float) | st.floats(0, 1e6), min_size=size, max_size=size)
+    return st.lists(row, min_size=size, max_size=size)
+
+
 @settings(derandomize=True, deadline=None)
-@given(
-    st.integers(1, 6).flatmap(
-        lambda n: st.lists(
-            st.lists(st.integers(0, 9).map(float) | st.floats(0.0, 1e6), min_size=n, max_size=n),
-            min_size=n,
-            max_size=n,
-        )
-    )
-)
+@given(st.integers(1, 6).flatmap(matrices))
 def test_the_assignment_is_the_best_of_all(costs):
     found = least_assignment(costs)
     rows = range(len(costs))
@@ -120,15 +117,12 @@ def test_a_transition_takes_as_long_as_the_slowest_way():
     assert max(rates) <= MOTION.forward + 1e-9
 
 
+SOME_SHAPES, SPACINGS = st.sampled_from(SHAPES), st.floats(12.0, 60.0)
+
+
 @pytest.mark.flies
 @settings(deadline=None, max_examples=150)
-@given(
-    st.sampled_from(SHAPES),
-    st.sampled_from(SHAPES),
-    st.integers(1, 9),
-    st.floats(12.0, 60.0),
-    st.floats(12.0, 60.0),
-)
+@given(SOME_SHAPES, SOME_SHAPES, st.integers(1, 9), SPACINGS, SPACINGS)
 def test_no_two_come_within_the_limit_between_any_two_shapes(
     first, second, count, spacing, other_spacing
 ):
@@ -149,12 +143,9 @@ def test_no_two_come_within_the_limit_between_any_two_shapes(
 def test_an_order_by_name_keeps_the_limit_or_is_refused_in_words(places, random):
     everybody = [(0.0, 0.0), *places]
     assume(all(math.dist(one, other) > 9.0 for one, other in combinations(everybody, 2)))
-    begin = points(places)
-    mixed = list(places)
-    random.shuffle(mixed)  # type: ignore[attr-defined]
-    reason, found = "", None
+    mixed, reason, found = random.sample(places, len(places)), "", None
     try:
-        found = transition(begin, points(mixed), MOTION)
+        found = transition(points(places), points(mixed), MOTION)
     except RefusedOrderError as refusal:
         reason = str(refusal)
     refused = "would come within" in reason
@@ -176,16 +167,13 @@ def test_interchangeable_vehicles_keep_the_least_distance_over_the_root_of_two(p
 
 def test_two_that_change_places_cross_in_layers():
     begin = points([(-20.0, -20.0), (-20.0, 20.0)])
-    end = {"f1": begin["f2"], "f2": begin["f1"]}
-    found = transition(begin, end, MOTION)
+    found = transition(begin, {"f1": begin["f2"], "f2": begin["f1"]}, MOTION)
     assert {place.layer for place in found.places} == {None, LAYER_M}
     # 20 m behind the leader nobody comes nearer to it; the two pass each other 12 m apart.
     assert flown_distances(found).min() == pytest.approx(LAYER_M, abs=0.1)
     # 12 m at 2 m/s at most.
     assert found.climb_s == pytest.approx(12.0 / 2.0 / 0.7)
-
-
-def test_who_would_meet_the_leader_crosses_above_it():
+    # Who would meet the leader crosses above it.
     found = transition({"f1": Point(-20.0, 0.0)}, {"f1": Point(20.0, 0.0)}, MOTION)
     assert [place.layer for place in found.places] == [LAYER_M]
 

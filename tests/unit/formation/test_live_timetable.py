@@ -103,13 +103,9 @@ class Flight:
             self.desk.heard_reply(name, encode_reply(reply))
 
     def order_by_another(self) -> None:
-        """Have another operator's order flown."""
-        present = formation_of_mission(self.mission)
-        number = 1 if self.flown is None else self.flown.number + 1
-        present = present if self.flown is None else present.after(self.flown)
-        self.flown, _ = resolve(
-            self.mission, Order(shape="vee"), present, number=number, time_s=self.now + AHEAD_S
-        )
+        """Have another operator's order flown, the first of all."""
+        present, now = formation_of_mission(self.mission), self.now + AHEAD_S
+        self.flown, _ = resolve(self.mission, Order(shape="vee"), present, number=1, time_s=now)
         self._sealed = ordering.encode_order(self.flown)
         self.speak()
 
@@ -162,30 +158,32 @@ def test_each_order_is_rehearsed_20_s_before_it_is_given_6_s_before_its_time(fli
     assert not any("left" in line for line in flight.said)
 
 
-def test_an_order_is_late_where_its_rehearsal_takes_longer(flight):
+def test_an_order_is_late_where_its_rehearsal_takes_longer_and_who_does_not_answer_is_named(flight):
     flight.rehearsal_s = 30.0
-    flight.fly(until_s=90.0)
+    flight.silent = {"f2"}
+    flight.fly(until_s=115.0)
     assert flight.given[0] == (65, 71)
+    number = flight.orders[0].number
+    assert "orders[0], at 60 s: f2: does not answer" in flight.said
+    assert f"orders[0], at 60 s: order {number}: NOT flown by all" in flight.said
 
 
 @pytest.mark.parametrize("error", [ValueError("too long"), RuntimeError("anything")])
 def test_an_error_that_nobody_has_foreseen_costs_one_order_and_not_the_flight(
     flight, monkeypatch, error
 ):
-    encode_order, failed = ordering.encode_order, []
+    encode_order, failures = ordering.encode_order, [error]
 
-    def encode_once(order: Arrangement) -> bytes:
-        if not failed:
-            failed.append(order)
-            raise error
+    def encode_but_once(order: Arrangement) -> bytes:
+        if failures:
+            raise failures.pop()
         return encode_order(order)
 
-    monkeypatch.setattr(ordering, "encode_order", encode_once)
+    monkeypatch.setattr(ordering, "encode_order", encode_but_once)
     flight.fly()
     assert [begun_s for _, begun_s in flight.given] == [120, 180, 240, 300, 360]
-    lines = [line for line in flight.said if line.startswith("orders[0], at 60 s: failed")]
-    assert len(lines) == 1
-    assert lines[0].endswith(f": {error}")
+    (line,) = [line for line in flight.said if line.startswith("orders[0], at 60 s: failed")]
+    assert line.endswith(f": {error}")
 
 
 def test_a_link_that_is_gone_for_a_while_costs_no_order_that_it_is_back_for(flight):
@@ -229,14 +227,6 @@ def test_where_another_operator_orders_meanwhile_the_order_is_rehearsed_once_mor
     assert len(flight.rehearsals) == 2
     assert flight.flown == flight.orders[0]
     assert any("has been given meanwhile: rehearsing again" in line for line in flight.said)
-
-
-def test_who_does_not_answer_is_named(flight):
-    flight.silent = {"f2"}
-    flight.fly(until_s=90.0)
-    number = flight.orders[0].number
-    assert "orders[0], at 60 s: f2: does not answer" in flight.said
-    assert f"orders[0], at 60 s: order {number}: NOT flown by all" in flight.said
 
 
 def test_orders_that_are_left_at_the_end_of_the_flight_are_named(flight):

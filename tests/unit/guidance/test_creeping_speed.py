@@ -21,39 +21,28 @@ class Plant:
         self.trim += (asked - self.trim) * PERIOD_S / HOLD.time
 
 
-def flown(
-    wanted: list[float], *, slowest: float, fastest: float
-) -> tuple[list[float], list[float]]:
-    """(airspeeds, what was asked for), m/s, a period after another, from 15 m/s on."""
-    speed, plant = CreepingSpeed(HOLD), Plant(15.0)
-    airspeeds, asked = [], []
-    for number, one in enumerate(wanted):
-        now = number * PERIOD_S
-        asked.append(speed.asked_for(one, plant.airspeed, now, slowest=slowest, fastest=fastest))
-        plant.fly(asked[-1])
-        airspeeds.append(plant.airspeed)
-    return airspeeds, asked
-
-
 @given(st.lists(st.floats(8.0, 22.0), min_size=1, max_size=60))
 def test_nothing_is_asked_for_beyond_the_limits_and_what_they_leave_is_flown(wanted):
-    airspeeds, asked = flown(wanted, slowest=11.0, fastest=19.0)
-    for one, airspeed, setpoint in zip(wanted, airspeeds, asked, strict=True):
-        assert 11.0 <= setpoint <= 19.0
-        if 11.0 < setpoint < 19.0:
-            assert airspeed == pytest.approx(one)
+    speed, plant, limits = CreepingSpeed(HOLD), Plant(15.0), {"slowest": 11.0, "fastest": 19.0}
+    for number, one in enumerate(wanted):
+        asked = speed.asked_for(one, plant.airspeed, number * PERIOD_S, **limits)
+        plant.fly(asked)
+        assert 11.0 <= asked <= 19.0
+        if 11.0 < asked < 19.0:
+            assert plant.airspeed == pytest.approx(one)
 
 
-def test_after_another_has_flown_it_the_airspeed_of_then_counts():
-    speed = CreepingSpeed(HOLD)
-    limits = {"slowest": 5.0, "fastest": 40.0}
+@pytest.mark.parametrize(
+    ("reset", "then", "asked"),
+    [
+        pytest.param(True, (16.0, 16.0, 50.0), 16.0, id="another has flown it"),
+        # The trim comes to what was asked for, and not beyond.
+        pytest.param(False, (17.0, 16.0, 1000.0), 17.0, id="a gap"),
+    ],
+)
+def test_after_another_or_a_gap_the_airspeed_of_then_counts(reset, then, asked):
+    speed, limits = CreepingSpeed(HOLD), {"slowest": 5.0, "fastest": 40.0}
     assert speed.asked_for(16.0, 15.0, 0.0, **limits) == pytest.approx(17.0)
-    speed.reset()
-    assert speed.asked_for(16.0, 16.0, 50.0, **limits) == pytest.approx(16.0)
-
-
-def test_a_gap_brings_the_trim_to_what_was_asked_for_and_not_beyond():
-    speed = CreepingSpeed(HOLD)
-    limits = {"slowest": 5.0, "fastest": 40.0}
-    assert speed.asked_for(16.0, 15.0, 0.0, **limits) == pytest.approx(17.0)
-    assert speed.asked_for(17.0, 16.0, 1000.0, **limits) == pytest.approx(17.0)
+    if reset:
+        speed.reset()
+    assert speed.asked_for(*then, **limits) == pytest.approx(asked)

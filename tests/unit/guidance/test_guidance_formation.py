@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.kit.states import circling, leader_at, vehicle_at
 from vfguide.elementwise import wrap_angle
-from vfguide.guidance.airframe import ground_speed_on_course, resolve
+from vfguide.guidance.airframe import ground_speed_on_course, polar, resolve
 from vfguide.guidance.formation import (
     FormationError,
     Slot,
@@ -28,10 +28,8 @@ from vfguide.guidance.formation import (
 from vfguide.state import Airframe, LeaderState
 
 SLOTS = [
-    Slot(forward=-20.0, right=-20.0),
-    Slot(forward=-20.0, right=20.0),
-    Slot(forward=-40.0, right=0.0),
-    Slot(forward=15.0, right=5.0),
+    Slot(forward=forward, right=right)
+    for forward, right in ((-20.0, -20.0), (-20.0, 20.0), (-40.0, 0.0), (15.0, 5.0))
 ]
 
 
@@ -80,25 +78,19 @@ def test_a_transient_turn_rate_does_not_reverse_a_slot():
     assert motion.course < math.pi / 2.0
 
 
-def still_motion(north: float, east: float, course: float) -> SlotMotion:
-    return SlotMotion(
-        north=north, east=east, course=course, speed=20.0, turn_rate=0.0, acceleration=0.0
-    )
+def motion_on(north: float, east: float, course: float, **fields: float) -> SlotMotion:
+    usual = {"speed": 20.0, "turn_rate": 0.0, "acceleration": 0.0}
+    return SlotMotion(north=north, east=east, course=course, **usual | fields)
 
 
 @pytest.mark.parametrize(
     ("north", "east", "along", "right"),
-    [
-        (0.0, 10.0, 10.0, 0.0),
-        (-10.0, 0.0, 0.0, 10.0),
-        (0.0, -10.0, -10.0, 0.0),
-        (4.0, 3.0, 3.0, -4.0),
-    ],
+    [(0.0, 10.0, 10.0, 0.0), (-10.0, 0.0, 0.0, 10.0), (0.0, -10.0, -10.0, 0.0), (4, 3, 3, -4)],
 )
 def test_ahead_is_positive_along_and_right_positive_across(north, east, along, right):
     # the slot flies east: ahead of the follower is east of it, right is south of it
     follower = vehicle_at(100.0, 50.0, math.pi / 2.0)
-    error = formation_error(still_motion(100.0 + north, 50.0 + east, math.pi / 2.0), follower)
+    error = formation_error(motion_on(100.0 + north, 50.0 + east, math.pi / 2.0), follower)
     assert (error.along_track, error.cross_track) == pytest.approx((along, right), abs=1e-12)
     assert error.along_track_rate == pytest.approx(0.0)
     assert error.cross_track_rate == pytest.approx(0.0)
@@ -108,24 +100,15 @@ def test_ahead_is_positive_along_and_right_positive_across(north, east, along, r
 @pytest.mark.parametrize("course", [-2.0, 0.3, 2.5])
 def test_error_rates_are_the_rates_of_the_errors(turn_rate, course):
     def error_at(time: float) -> FormationError:
-        slot_course = 0.7 + turn_rate * time
-        motion = SlotMotion(
-            north=30.0 + 22.0 * math.cos(0.7) * time,
-            east=-12.0 + 22.0 * math.sin(0.7) * time,
-            course=slot_course,
-            speed=22.0,
-            turn_rate=turn_rate,
-            acceleration=0.0,
-        )
-        follower = vehicle_at(
-            5.0 + 18.0 * math.cos(course) * time, 9.0 + 18.0 * math.sin(course) * time, course, 18.0
-        )
-        return formation_error(motion, follower)
+        north, east = polar(22.0 * time, 0.7)
+        rates = {"speed": 22.0, "turn_rate": turn_rate}
+        motion = motion_on(30.0 + north, -12.0 + east, 0.7 + turn_rate * time, **rates)
+        north, east = polar(18.0 * time, course)
+        return formation_error(motion, vehicle_at(5.0 + north, 9.0 + east, course, 18.0))
 
-    step = 1e-4
-    before, here, after = error_at(-step), error_at(0.0), error_at(step)
-    along = (after.along_track - before.along_track) / (2.0 * step)
-    cross = (after.cross_track - before.cross_track) / (2.0 * step)
+    before, here, after = (error_at(time) for time in (-1e-4, 0.0, 1e-4))
+    along = (after.along_track - before.along_track) / 2e-4
+    cross = (after.cross_track - before.cross_track) / 2e-4
     assert here.along_track_rate == pytest.approx(along, abs=1e-5)
     assert here.cross_track_rate == pytest.approx(cross, abs=1e-5)
 
@@ -149,19 +132,11 @@ def test_a_changing_turn_rate_is_carried_on():
 @pytest.mark.parametrize(
     ("leader_deg", "right", "course_deg"),
     [
-        (0.0, 20.0, 60.0),
-        (0.0, -20.0, -60.0),
-        (45.0, 20.0, 105.0),
-        (45.0, -20.0, -15.0),
-        (270.0, 100.0, 330.0),
-        (-90.0, -7.0, -150.0),
-        # On the leader's track: straight on.
-        (45.0, 0.0, 45.0),
-        (45.0, 4.999, 45.0),
-        (45.0, -4.999, 45.0),
-        # From 5 m on it is at the side.
-        (45.0, 5.0, 105.0),
-        (45.0, -5.0, -15.0),
+        *((0.0, 20.0, 60.0), (0.0, -20.0, -60.0), (45.0, 20.0, 105.0), (45.0, -20.0, -15.0)),
+        *((270.0, 100.0, 330.0), (-90.0, -7.0, -150.0)),
+        # On the leader's track: straight on. From 5 m on it is at the side.
+        *((45.0, 0.0, 45.0), (45.0, 4.999, 45.0), (45.0, -4.999, 45.0)),
+        *((45.0, 5.0, 105.0), (45.0, -5.0, -15.0)),
     ],
 )
 @pytest.mark.parametrize("forward", [-40.0, 0.0, 30.0])
@@ -176,8 +151,7 @@ def test_nobody_comes_nearer_to_anybody_while_flying_away(wind_north, wind_east)
     places = []
     for slot in SLOTS[:3]:
         course = breakaway_course(0.0, slot)
-        speed = ground_speed_on_course(20.0, course, wind_north, wind_east)
-        north, east = speed * math.cos(course), speed * math.sin(course)
+        north, east = polar(ground_speed_on_course(20.0, course, wind_north, wind_east), course)
         times = (0.0, 5.0, 10.0, 25.0)
         places.append([(slot.forward + north * t, slot.right + east * t) for t in times])
     left, right, middle = places
@@ -210,33 +184,21 @@ def test_a_slot_needs_the_airspeed_of_its_own_velocity(state, airspeed):
     assert slot_airspeed(state, 0.1, Slot(forward=-40.0, right=0.0)) == pytest.approx(airspeed)
 
 
-INSIDE = slot(0.0, 90.0)
-"""At 0.1 rad/s to the right and 20 m/s: 20 - 9 = 11 m/s."""
-OUTSIDE = slot(0.0, -120.0)
-"""20 + 12 = 32 m/s."""
+INSIDE, OUTSIDE = slot(0.0, 90.0), slot(0.0, -120.0)
+"""At 0.1 rad/s to the right and 20 m/s: 20 - 9 = 11 m/s, and 20 + 12 = 32 m/s."""
 
 
 @pytest.mark.parametrize(
-    ("followers", "airspeed"),
+    ("ground_speed", "followers", "airframe", "airspeed"),
     [
-        ([], 20.0),
-        ([slot(0.0, 60.0)], 20.0),  # 14 m/s are enough
-        ([slot(0.0, 75.0)], 20.5),  # 12.5 m/s are less than 12 and the margin of 1
-        ([INSIDE], 22.0),  # 11 m/s are 2 short
-        ([OUTSIDE], 19.0),  # 32 m/s are 1 more than 32 less the margin
-        ([INSIDE, OUTSIDE], 21.0),  # 20 + 2 - 1
-        ([INSIDE, slot(0.0, 100.0)], 23.0),  # 10 m/s: the worst one counts
-        ([slot(0.0, 500.0)], 20.0),  # |20 - 50| = 30 m/s are within the range
-    ],
-)
-def test_the_leader_adds_what_the_worst_slot_lacks(followers, airspeed):
-    found = airspeed_that_gives_way(CRUISE, vehicle_at(), 0.1, followers, AIRFRAME)
-    assert found == pytest.approx(airspeed)
-
-
-@pytest.mark.parametrize(
-    ("ground_speed", "slots", "airframe", "airspeed"),
-    [
+        (20.0, [], AIRFRAME, 20.0),
+        (20.0, [slot(0.0, 60.0)], AIRFRAME, 20.0),  # 14 m/s are enough
+        (20.0, [slot(0.0, 75.0)], AIRFRAME, 20.5),  # 12.5 m/s are less than 12 and the margin of 1
+        (20.0, [INSIDE], AIRFRAME, 22.0),  # 11 m/s are 2 short
+        (20.0, [OUTSIDE], AIRFRAME, 19.0),  # 32 m/s are 1 more than 32 less the margin
+        (20.0, [INSIDE, OUTSIDE], AIRFRAME, 21.0),  # 20 + 2 - 1
+        (20.0, [INSIDE, slot(0.0, 100.0)], AIRFRAME, 23.0),  # 10 m/s: the worst one counts
+        (20.0, [slot(0.0, 500.0)], AIRFRAME, 20.0),  # |20 - 50| = 30 m/s are within the range
         # at 22 m/s the slot needs 13, at cruise it would need 11 still: no hunting between the two
         (22.0, [INSIDE], AIRFRAME, 22.0),
         # no further than it can fly itself
@@ -244,11 +206,9 @@ def test_the_leader_adds_what_the_worst_slot_lacks(followers, airspeed):
         (20.0, [OUTSIDE], NARROW, 19.5),
     ],
 )
-def test_having_given_way_it_keeps_doing_so_and_never_beyond_its_own_range(
-    ground_speed, slots, airframe, airspeed
-):
+def test_the_leader_adds_what_the_worst_slot_lacks(ground_speed, followers, airframe, airspeed):
     flying = vehicle_at(ground_speed=ground_speed)
-    found = airspeed_that_gives_way(CRUISE, flying, 0.1, slots, airframe)
+    found = airspeed_that_gives_way(CRUISE, flying, 0.1, followers, airframe)
     assert found == pytest.approx(airspeed)
 
 

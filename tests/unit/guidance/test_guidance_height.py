@@ -43,8 +43,6 @@ from vfguide.paths.line import Line
 from vfguide.state import Airframe, LeaderState
 
 CLIMB = Line(north=0.0, east=0.0, course=0.0, climb=Climb(slope=0.1, end=math.inf))
-
-
 NORTHBOUND = leader_at(time_s=10.0, north=1000.0, height=195.0, climb_rate=2.0)
 """On the climb: 95 m above the flying height of 100 m."""
 
@@ -90,10 +88,13 @@ def test_a_leader_outside_a_helix_climbs_with_the_point_beside_it():
     assert found.ahead == pytest.approx(place.height + 3.2)
 
 
-def test_a_leader_that_flies_as_planned_has_no_deviation():
-    planned = target(NORTHBOUND, 0.0)
-    found = height_deviation(None, NORTHBOUND, planned, memory_s=5.0)
+def test_a_leader_that_flies_as_planned_has_no_deviation_nor_one_whose_height_is_not_known():
+    found = height_deviation(None, NORTHBOUND, target(NORTHBOUND, 0.0), memory_s=5.0)
     assert (found.height, found.climb_rate) == (pytest.approx(0.0), pytest.approx(0.0))
+    before = HeightDeviation(time_s=10.0, height=2.0)
+    unknown = replace(NORTHBOUND, time_s=10.1, height=math.nan)
+    assert height_deviation(before, unknown, held_height(100.0), memory_s=5.0) is before
+    assert height_deviation(None, unknown, held_height(100.0), memory_s=5.0).height == 0.0
 
 
 def deviations(heights: list[float], climb_rate: float) -> list[HeightDeviation]:
@@ -112,13 +113,10 @@ def leaves_at(climb_rate: float, seconds: float) -> HeightDeviation:
     return deviations(heights, climb_rate)[-1]
 
 
-def test_a_leader_that_climbs_beside_its_plan_is_followed_without_a_lasting_error():
+def test_a_leader_that_climbs_beside_its_plan_is_followed_and_a_short_transient_hardly_is():
     found = leaves_at(1.0, 60.0)
     assert found.height == pytest.approx(60.0, abs=0.01)
     assert found.at(62.0) == pytest.approx(62.0, abs=0.01)
-
-
-def test_a_short_transient_of_the_leader_moves_followers_little():
     # Half a metre within a second.
     assert leaves_at(0.5, 1.0).height < 0.2
 
@@ -132,66 +130,49 @@ def test_a_climb_rate_that_is_stuck_shifts_no_follower(rate):
     assert abs(found[-1].climb_rate) < 0.15
 
 
-def test_a_height_that_is_not_known_changes_nothing():
-    before = HeightDeviation(time_s=10.0, height=2.0)
-    unknown = replace(NORTHBOUND, time_s=10.1, height=math.nan)
-    assert height_deviation(before, unknown, held_height(100.0), memory_s=5.0) is before
-    first = height_deviation(None, unknown, held_height(100.0), memory_s=5.0)
-    assert first.height == 0.0
-
-
-def test_followers_fly_the_plan_and_what_the_leader_lastingly_differs_from_it():
-    planned = HeightTarget(height=110.0, climb_rate=2.0, ahead=114.0)
-    deviation = HeightDeviation(time_s=5.0, height=1.0, climb_rate=0.5)
-    found = followed_height(planned, deviation, flying=100.0, now_s=6.0, ahead_s=2.0)
-    assert found.height == pytest.approx(111.5)
-    assert found.ahead == pytest.approx(116.5)
-    assert found.climb_rate == pytest.approx(2.5)
-
-
-def test_a_leader_that_goes_down_does_not_take_its_followers_to_the_ground():
-    landing = HeightDeviation(time_s=0.0, height=-95.0)
-    found = followed_height(held_height(100.0), landing, flying=100.0, now_s=0.0, ahead_s=2.0)
-    assert (found.height, found.ahead) == (50.0, 50.0)
-
-
-def test_a_path_that_leads_lower_is_followed():
-    low = held_height(30.0)
-    still = HeightDeviation(time_s=0.0)
-    assert followed_height(low, still, flying=100.0, now_s=0.0, ahead_s=2.0).ahead == 30.0
+@pytest.mark.parametrize(
+    ("planned", "deviation", "height", "climb_rate", "ahead"),
+    [
+        pytest.param((110.0, 2.0, 114.0), (1.0, 0.5), 111.5, 2.5, 116.5, id="lastingly differs"),
+        pytest.param((100.0, 0.0, 100.0), (-95.0, 0.0), 50.0, 0.0, 50.0, id="not to the ground"),
+        pytest.param((30.0, 0.0, 30.0), (0.0, 0.0), 30.0, 0.0, 30.0, id="path leads lower"),
+    ],
+)
+def test_followers_fly_the_plan_and_what_the_leader_lastingly_differs_from_it(
+    planned, deviation, height, climb_rate, ahead
+):
+    plan = HeightTarget(**dict(zip(("height", "climb_rate", "ahead"), planned, strict=True)))
+    off = HeightDeviation(time_s=5.0, height=deviation[0], climb_rate=deviation[1])
+    found = followed_height(plan, off, flying=100.0, now_s=6.0, ahead_s=2.0)
+    assert (found.height, found.climb_rate) == pytest.approx((height, climb_rate))
+    assert found.ahead == pytest.approx(ahead)
 
 
 UP, DOWN = 20.0, -20.0
 STEPS = (0.0, UP, DOWN)
 
 
-def altimeters_after(seconds: float, differ: float, known: float = 0.0) -> float:
-    for _ in range(round(seconds * 10.0)):
-        known = altimeter_difference(known, differ, 0.1)
-    return known
-
-
-def test_altimeters_that_differ_are_followed_in_ten_seconds():
-    # 2 (1 - exp(-1)) = 1.264 m, and 0.1 s late; the rate of 0.2 m/s is allowed.
-    assert altimeters_after(10.0, 2.0) == pytest.approx(1.264, abs=0.01)
-    assert altimeters_after(100.0, 2.0) == pytest.approx(2.0, abs=0.001)
-
-
-@pytest.mark.parametrize(("differ", "known"), [(15.0, 3.0), (-15.0, -3.0)])
-def test_satellite_altitudes_that_step_move_an_aircraft_slowly_and_not_far(differ, known):
-    assert altimeters_after(10.0, differ) == pytest.approx(known)
-    assert altimeters_after(100.0, differ) == math.copysign(10.0, differ)
-
-
-@pytest.mark.parametrize("differ", [15.1, -47.0, 588.0, -math.inf])
-def test_a_satellite_altitude_that_cannot_be_one_above_the_sea_counts_as_no_difference(differ):
-    assert altimeters_after(100.0, differ) == 0.0
-    # 2 exp(-1) = 0.736 m
-    assert altimeters_after(10.0, differ, 2.0) == pytest.approx(0.736, abs=0.01)
-
-
-def test_altimeters_of_which_one_is_not_known_differ_as_before():
-    assert altimeters_after(10.0, math.nan, 1.5) == 1.5
+@pytest.mark.parametrize(
+    ("differ", "before", "seconds", "known"),
+    [
+        # 2 (1 - exp(-1)) = 1.264 m, and 0.1 s late; the rate of 0.2 m/s is allowed.
+        *((2.0, 0.0, 10, 1.264), (2.0, 0.0, 100, 2.0)),
+        # Satellite altitudes that step move it slowly and not far.
+        *((15.0, 0.0, 10, 3.0), (15.0, 0.0, 100, 10.0)),
+        *((-15.0, 0.0, 10, -3.0), (-15.0, 0.0, 100, -10.0)),
+        # What cannot be one above the sea counts as no difference: 2 exp(-1) = 0.736 m.
+        *((differ, 0.0, 100, 0.0) for differ in (15.1, -47.0, 588.0, -math.inf)),
+        *((differ, 2.0, 10, 0.736) for differ in (15.1, -47.0, 588.0, -math.inf)),
+        # One that is not known differs as before.
+        (math.nan, 1.5, 10, 1.5),
+    ],
+)
+def test_altimeters_that_differ_are_followed_slowly_as_far_as_is_credible(
+    differ, before, seconds, known
+):
+    for _ in range(seconds * 10):
+        before = altimeter_difference(before, differ, 0.1)
+    assert before == pytest.approx(known, abs=0.01)
 
 
 def beside(distance: float, up: float, *, over: bool | None = None, soon: float = 0.0) -> Neighbour:
@@ -211,52 +192,41 @@ def test_a_distance_in_space_counts_in_least_distances():
     assert clearance(0.0, [beside(4.2, -5.6)]) == pytest.approx(1.0)
     assert clearance(0.0, [beside(4.2, -5.6), beside(3.5, 0.0)]) == pytest.approx(0.5)
     assert clearance(0.0, []) == ENOUGH
+    # One that is climbing counts where it will be: 10 m above.
+    assert clearance(UP, [beside(5.0, -2.0, soon=12.0)]) == pytest.approx(math.hypot(5, 10) / 7)
 
 
 @pytest.mark.parametrize(
-    ("steps", "others", "best"),
+    ("steps", "over", "others", "best"),
     [
         # Beside one alone either way is open, and the first is taken.
-        ((0.0, UP, DOWN), [], UP),
-        ((0.0, DOWN, UP), [], DOWN),
+        (STEPS, None, [], UP),
+        ((0.0, DOWN, UP), None, [], DOWN),
         # 12 m above, and 9 m aside: 20 m would lead through that height, and end 8 m over it.
-        (STEPS, [beside(9.0, 12.0)], DOWN),
+        (STEPS, None, [beside(9.0, 12.0)], DOWN),
         # 24 m above: 4 m under it.
-        (STEPS, [beside(6.0, 24.0)], DOWN),
+        (STEPS, None, [beside(6.0, 24.0)], DOWN),
         # With others near above and below no height is better.
-        (STEPS, [beside(3.0, 12.0), beside(3.0, -12.0)], 0.0),
+        (STEPS, None, [beside(3.0, 12.0), beside(3.0, -12.0)], 0.0),
         # Who is far away in the plane closes no height.
-        (STEPS, [beside(15.0, 12.0)], UP),
-    ],
-)
-def test_nobody_steps_into_or_through_the_layer_of_another(steps, others, best):
-    assert best_step(0.0, steps, [beside(3.0, 0.0), *others]) == best
-
-
-@pytest.mark.parametrize(
-    ("over", "others", "best"),
-    [
-        (True, [], UP),
-        (False, [], DOWN),
+        (STEPS, None, [beside(15.0, 12.0)], UP),
+        # Level now, 5 m aside, and 9 m higher in 3 s: it is the lower one's business to go down.
+        (STEPS, None, [beside(5.0, 4.0, soon=9.0)], DOWN),
+        # Of two that are as high one goes over the other and never both.
+        (STEPS, True, [], UP),
+        (STEPS, False, [], DOWN),
         # The way over is closed to the first: it stays, and does not follow the other one down.
-        (True, [beside(3.0, 12.0)], 0.0),
+        (STEPS, True, [beside(3.0, 12.0)], 0.0),
     ],
 )
-def test_of_two_that_are_as_high_one_goes_over_the_other_and_never_both(over, others, best):
-    assert best_step(0.0, STEPS, [beside(3.0, 0.0, over=over), *others]) == best
+def test_nobody_steps_into_or_through_the_layer_of_another(steps, over, others, best):
+    assert best_step(0.0, steps, [beside(3.0, 0.0, over=over), *others]) == best
 
 
 # 7 m or 4 m below somebody, and 8 m above: 1.0 and 0.57 against 1.14 least distances.
 @pytest.mark.parametrize(("above", "best"), [(27.0, UP), (24.0, DOWN)])
 def test_a_step_is_kept_until_another_is_clearly_better(above, best):
     assert best_step(UP, (UP, DOWN), [beside(0.0, above), beside(0.0, -28.0)]) == best
-
-
-def test_one_that_is_climbing_counts_where_it_will_be():
-    # f3 is level now, 5 m aside, and 9 m higher in 3 s: it is the lower one's business to go down.
-    climbing = beside(5.0, 4.0, soon=9.0)
-    assert best_step(0.0, STEPS, [beside(3.0, 0.0), climbing]) == DOWN
-    assert clearance(UP, [beside(5.0, -2.0, soon=12.0)]) == pytest.approx(math.hypot(5, 10) / 7)
 
 
 @pytest.mark.parametrize(("height_m", "deepest_m"), [(100.0, 20.0), (40.0, 10.0), (-3.0, 0.0)])
@@ -312,9 +282,7 @@ def test_who_passes_the_height_of_another_has_no_height_between():
     assert height_between(np.array([103.0, 105.0]), 104.0, 104.0) == pytest.approx([0.0])
 
 
-LIMITS = ClimbLimits(climb=4.0, sink=3.0)
-
-RATE_HZ = 20.0
+LIMITS, RATE_HZ = ClimbLimits(climb=4.0, sink=3.0), 20.0
 
 
 def climbing(height: float, climb_rate: float) -> HeightTarget:
@@ -373,9 +341,11 @@ def test_a_path_that_climbs_itself_is_caught_up_with():
     assert max(one.climb_rate for one in way) == pytest.approx(3.5, abs=0.01)
 
 
-def test_a_path_that_climbs_at_the_limit_is_followed_at_the_limit():
+def test_a_path_that_climbs_at_the_limit_is_followed_at_the_limit_and_nothing_takes_no_time():
     assert LIMITS.fastest(4.0) == (-SHARE * 3.0, 4.0)
     assert LIMITS.fastest(-3.0) == (-3.0, SHARE * 4.0)
+    assert change_duration(0.0, ClimbLimits()) == 0.0
+    assert math.isfinite(change_duration(10.0, LIMITS))
 
 
 def test_a_setpoint_is_what_the_change_comes_to_when_it_takes_effect():
@@ -383,11 +353,6 @@ def test_a_setpoint_is_what_the_change_comes_to_when_it_takes_effect():
     asked = target_on_the_way(before, held_height(60.0), 3.0, LIMITS)
     assert (asked.height, asked.climb_rate) == (before.height, pytest.approx(2.0))
     assert asked.ahead == pytest.approx(before.height + 6.0)
-
-
-def test_nothing_takes_no_time():
-    assert change_duration(0.0, ClimbLimits()) == 0.0
-    assert math.isfinite(change_duration(10.0, LIMITS))
 
 
 @pytest.mark.parametrize(("rate", "way"), [(2.0, 5.3125), (0.4, 0.5), (-1.0, -1.5625), (0.0, 0.0)])

@@ -9,6 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.kit.states import circling, leader_at, vehicle_at
+from vfguide.guidance.airframe import polar
 from vfguide.guidance.intended_motion import (
     IntendedMotion,
     KnownLeader,
@@ -54,23 +55,32 @@ def after(
     return known
 
 
-def test_in_calm_air_slots_follow_the_measured_course_at_once():
+def test_in_calm_air_or_off_its_path_the_leader_is_followed_as_it_flies():
     # A swing of the wind within a minute, as the article's: 3 degrees and no jitter.
     known = after(60.0, lambda t: 0.05 * math.sin(2.0 * math.pi * t / 60.0))
-    measured = 0.05 * math.sin(2.0 * math.pi * 60.0 / 60.0)
-    assert known.motion.course == pytest.approx(measured, abs=0.0015)
+    assert known.motion.course == pytest.approx(0.0, abs=0.0015)
     assert known.motion.ground_speed == pytest.approx(20.0, abs=1e-9)
+    # On its way to the path, and 15 s after it has left it: e^(-15/2) of the trust is left.
+    assert after(3.0, lambda t: 1.0 - 0.2 * t).motion.course == pytest.approx(0.4)
+    turned = after(60.0, lambda t: 0.0 if t < 45.0 else 0.5, as_planned=True)
+    assert turned.motion.course == pytest.approx(0.5, abs=0.5 * math.exp(-7.0))
 
 
 def test_a_course_that_jitters_turns_the_frame_by_a_tenth_of_it_at_most():
     # 1.2 degrees at 0.3 Hz, as in moderate turbulence: at its peak the frame points along the path.
     swing = math.radians(1.2) * math.sqrt(2.0)
-    peak_s = 60.0 + 0.25 / 0.3
-    known = after(peak_s, lambda t: swing * math.sin(2.0 * math.pi * 0.3 * t))
-    assert abs(known.motion.course) < 0.15 * swing
+
+    def course(time_s: float) -> float:
+        return swing * math.sin(2.0 * math.pi * 0.3 * time_s)
+
+    assert abs(after(60.0 + 0.25 / 0.3, course).motion.course) < 0.15 * swing
     # Fed forward as it is measured it would be 2 pi 0.3 Hz times the swing: 0.056 rad/s.
-    crossing = after(60.0, lambda t: swing * math.sin(2.0 * math.pi * 0.3 * t))
-    assert abs(crossing.motion.turn_rate) < 0.01
+    assert abs(after(60.0, course).motion.turn_rate) < 0.01
+    # Blown beside its path it flies back to it, 1.7 degrees off for 6 s: 1.8 m in a slot 60 m behind.
+    random = Random(2)
+    jitter = [random.gauss(0.0, 0.02) for _ in range(1601)]
+    known = after(80.0, lambda t: (0.03 if t > 74.0 else 0.0) + jitter[round(t / PERIOD_S)])
+    assert abs(known.motion.course) < 0.1 * 0.03
 
 
 def test_place_and_true_velocity_stay_those_of_the_leader():
@@ -79,19 +89,9 @@ def test_place_and_true_velocity_stay_those_of_the_leader():
     known = after(60.0, lambda t: courses[round(t / PERIOD_S)], lambda t: 20.0 + math.sin(t))
     motion = known.motion
     assert (motion.north, motion.east) == (1200.0, 0.0)
-    north = motion.ground_speed * math.cos(motion.course) + motion.drift_north
-    east = motion.ground_speed * math.sin(motion.course) + motion.drift_east
-    speed = 20.0 + math.sin(60.0)
-    assert north == pytest.approx(speed * math.cos(courses[1200]))
-    assert east == pytest.approx(speed * math.sin(courses[1200]))
-
-
-def test_gusts_that_turn_the_leader_for_seconds_do_not_swing_the_slots():
-    random = Random(2)
-    jitter = [random.gauss(0.0, 0.02) for _ in range(1601)]
-    # Blown beside its path it flies back to it, 1.7 degrees off for 6 s: 1.8 m in a slot 60 m behind.
-    known = after(80.0, lambda t: (0.03 if t > 74.0 else 0.0) + jitter[round(t / PERIOD_S)])
-    assert abs(known.motion.course) < 0.1 * 0.03
+    north, east = polar(motion.ground_speed, motion.course)
+    true = polar(20.0 + math.sin(60.0), courses[1200])
+    assert (north + motion.drift_north, east + motion.drift_east) == pytest.approx(true)
 
 
 def test_the_frame_turns_as_fast_as_the_leader_truly_passes_along_a_bend():
@@ -103,11 +103,6 @@ def test_the_frame_turns_as_fast_as_the_leader_truly_passes_along_a_bend():
         state = replace(circling(step * PERIOD_S), ground_speed=23.0 if step > 798 else 20.0)
         known = intended_motion(known, state, planned_motion(state, bound, CALM), as_planned=True)
     assert known.motion.turn_rate == pytest.approx(23.0 / 150.0, rel=1e-3)
-
-
-def test_a_leader_on_its_way_to_the_path_is_followed_as_it_flies():
-    known = after(3.0, lambda t: 1.0 - 0.2 * t)
-    assert known.motion.course == pytest.approx(0.4)
 
 
 def test_on_a_circle_the_plan_turns_with_it_and_knows_what_the_wind_does_to_the_speed():
@@ -132,12 +127,6 @@ def test_small_bends_of_the_field_are_left_out_and_great_ones_are_not():
     assert slope == pytest.approx((step - course) / 0.001, rel=1e-3)
     far, _ = bent_course(PathPoint(0.0, 1000.0, 0.0, 0.0), GAINS)
     assert far == pytest.approx(-math.atan(10.0), rel=0.07)
-
-
-def test_a_planned_leader_that_leaves_its_path_is_followed_as_it_flies():
-    turned = after(60.0, lambda t: 0.0 if t < 45.0 else 0.5, as_planned=True)
-    # 15 s after the turn e^(-15/2) of the trust is left.
-    assert turned.motion.course == pytest.approx(0.5, abs=0.5 * math.exp(-7.0))
 
 
 AIRSPEED, RADIUS, PERIOD = 20.0, 150.0, 0.05
@@ -166,42 +155,34 @@ def carried(leader: LeaderState, path: Path, wind: tuple[float, float]) -> Itera
 @pytest.mark.parametrize("wind", WINDS)
 @pytest.mark.parametrize("direction", [1, -1])
 def test_on_a_circle_in_wind_it_is_where_the_leader_is(direction, wind):
-    def course_at(bearing: float) -> float:
-        return bearing + direction * math.pi / 2.0
-
-    def rate_at(bearing: float) -> float:
-        return direction * speed_over_ground(course_at(bearing), wind) / RADIUS
+    def motion_at(bearing: float) -> dict[str, float]:
+        north, east = polar(RADIUS, bearing)
+        course = bearing + direction * math.pi / 2.0
+        speed = speed_over_ground(course, wind)
+        place = {"north": 100.0 + north, "east": 50.0 + east}
+        turn_rate = direction * speed / RADIUS
+        return {**place, "course": course, "ground_speed": speed, "turn_rate": turn_rate}
 
     path = Circle(north=100.0, east=50.0, radius=RADIUS, direction=direction)
     bearing = 0.3
-    begin = leader_at(
-        north=100.0 + RADIUS * math.cos(bearing),
-        east=50.0 + RADIUS * math.sin(bearing),
-        course=course_at(bearing),
-        ground_speed=speed_over_ground(course_at(bearing), wind),
-        turn_rate=rate_at(bearing),
-    )
-    for state in carried(begin, path, wind):
+    for state in carried(leader_at(**motion_at(bearing)), path, wind):
         for _ in range(10):
-            middle = bearing + rate_at(bearing) * PERIOD / 20.0
-            bearing += rate_at(middle) * PERIOD / 10.0
-        assert state.north == pytest.approx(100.0 + RADIUS * math.cos(bearing), abs=0.01)
-        assert state.east == pytest.approx(50.0 + RADIUS * math.sin(bearing), abs=0.01)
-        turned = math.remainder(state.course - course_at(bearing), math.tau)
+            middle = bearing + motion_at(bearing)["turn_rate"] * PERIOD / 20.0
+            bearing += motion_at(middle)["turn_rate"] * PERIOD / 10.0
+        true = motion_at(bearing)
+        assert (state.north, state.east) == pytest.approx((true["north"], true["east"]), abs=0.01)
+        turned = math.remainder(state.course - true["course"], math.tau)
         assert turned == pytest.approx(0.0, abs=1e-4)
-        speed = speed_over_ground(course_at(bearing), wind)
-        assert state.ground_speed == pytest.approx(speed, abs=1e-3)
-        assert state.turn_rate == pytest.approx(rate_at(bearing), abs=1e-3)
+        assert state.ground_speed == pytest.approx(true["ground_speed"], abs=1e-3)
+        assert state.turn_rate == pytest.approx(true["turn_rate"], abs=1e-3)
     # What slots need most on a circle in wind: how the speed changes, 0.4 s late by its filter.
-    slower, faster = (speed_over_ground(course_at(bearing) + step, wind) for step in (-1e-4, 1e-4))
-    change = rate_at(bearing) * (faster - slower) / 2e-4
+    slower, faster = (speed_over_ground(true["course"] + step, wind) for step in (-1e-4, 1e-4))
+    change = true["turn_rate"] * (faster - slower) / 2e-4
     assert state.acceleration == pytest.approx(change, abs=0.1)
 
 
-ROUTE = [
-    {"north_m": north, "east_m": east}
-    for north, east in ((0, 0), (600, 0), (600, 700), (-200, 400), (800, 300))
-]
+PLACES = ((0, 0), (600, 0), (600, 700), (-200, 400), (800, 300))
+ROUTE = [{"north_m": north, "east_m": east} for north, east in PLACES]
 CURVED = {
     "figure-eight": {"type": "figure-eight", "half_length_m": 500},
     "repeat": {"type": "waypoints", "waypoints": ROUTE[:4], "end": "repeat", "radius_m": 150},
@@ -218,13 +199,8 @@ def test_on_any_path_it_is_where_the_leader_is(name, wind):
     for begin in np.linspace(10.0, path.length + 300.0, 12).tolist():
         place, run = path.at(begin), begin
         speed = speed_over_ground(place.course, wind)
-        first = leader_at(
-            north=place.north,
-            east=place.east,
-            course=place.course,
-            ground_speed=speed,
-            turn_rate=speed * place.curvature,
-        )
+        where = {"north": place.north, "east": place.east, "course": place.course}
+        first = leader_at(**where, ground_speed=speed, turn_rate=speed * place.curvature)
         for step, state in zip(range(60), carried(first, path, wind), strict=False):
             for _ in range(4):
                 run += speed_over_ground(path.at(run).course, wind) * PERIOD / 4.0

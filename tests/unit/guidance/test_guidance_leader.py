@@ -51,10 +51,8 @@ def test_on_its_line_in_calm_air_a_leader_keeps_course_and_speed(airframe):
 
 def test_a_leader_keeps_its_airspeed_and_lets_the_wind_have_the_ground_speed():
     # 5 m/s from behind: 20 m/s of airspeed are 25 over the ground
-    windy = vehicle_at(ground_speed=25.0, wind=(5.0, 0.0))
-    task = along(NORTHBOUND)
-    held = guide(windy, task, HEADING_HOLD)
-    assert held.setpoint.speed == pytest.approx(20.0)
+    windy, task = vehicle_at(ground_speed=25.0, wind=(5.0, 0.0)), along(NORTHBOUND)
+    assert guide(windy, task, HEADING_HOLD).setpoint.speed == pytest.approx(20.0)
     assert guide(windy, task, COURSE_HOLD).setpoint.speed == pytest.approx(25.0)
 
 
@@ -80,9 +78,7 @@ PATHS: list[Path] = [
     Line(north=10.0, east=20.0, course=2.0),
     CLOCKWISE,
     Circle(north=0.0, east=0.0, radius=150.0, direction=-1),
-    Racetrack(
-        north=0.0, east=0.0, course=1.0, leg=300.0, radius=150.0, direction=-1, easement=100.0
-    ),
+    Racetrack(north=0, east=0, course=1.0, leg=300, radius=150, direction=-1, easement=100.0),
 ]
 
 

@@ -7,6 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.kit.states import vehicle_at
+from vfguide.guidance.airframe import polar
 from vfguide.guidance.formation import extrapolate_by_rates
 from vfguide.guidance.leader_motion import (
     Observation,
@@ -31,12 +32,10 @@ def estimates(states: list[VehicleState], time_constant: float = FILTER) -> Lead
     return motion.state
 
 
-def moving(
-    seconds: float, *, turn_rate: float = 0.0, acceleration: float = 0.0
-) -> list[VehicleState]:
-    """States of a leader that turns and accelerates steadily, its course within (-pi, pi]."""
+def moving(*, turn_rate: float = 0.0, acceleration: float = 0.0) -> list[VehicleState]:
+    """6 s of a leader that turns and accelerates steadily, its course within (-pi, pi]."""
     start = math.copysign(3.0, turn_rate)
-    times = [index * PERIOD for index in range(round(seconds / PERIOD) + 1)]
+    times = [index * PERIOD for index in range(round(6.0 / PERIOD) + 1)]
     return [
         vehicle_at(
             course=math.remainder(start + turn_rate * time, 2.0 * math.pi),
@@ -50,7 +49,7 @@ def moving(
 @pytest.mark.parametrize("turn_rate", [0.1333, -0.1333])
 def test_on_a_steady_turn_the_turn_rate_is_found_through_south(turn_rate):
     # 0.14 rad before south, the course jumps by 2 pi after 1 s, which is no turn the other way
-    motion = estimates(moving(6.0, turn_rate=turn_rate))
+    motion = estimates(moving(turn_rate=turn_rate))
     # 6 s are 15 time constants: (1 - 120 (1 - m)) m^120 is missing, m = e^(-0.05/0.4), 4e-6 beyond
     assert motion.turn_rate == pytest.approx(turn_rate, rel=1e-5)
     assert motion.turn_acceleration == pytest.approx(0.0, abs=1e-5)
@@ -58,7 +57,7 @@ def test_on_a_steady_turn_the_turn_rate_is_found_through_south(turn_rate):
 
 
 def test_a_steady_acceleration_is_found():
-    motion = estimates(moving(6.0, acceleration=1.5))
+    motion = estimates(moving(acceleration=1.5))
     assert motion.acceleration == pytest.approx(1.5, rel=1e-4)
     assert motion.ground_speed == pytest.approx(29.0)
 
@@ -82,11 +81,8 @@ def test_however_wild_the_courses_the_turn_rate_stays_within_the_bank_limit():
     random = np.random.default_rng(5)
     motion = motion_at_first(vehicle_at())
     for index in range(1, 500):
-        wild = vehicle_at(
-            course=float(random.uniform(-math.pi, math.pi)),
-            ground_speed=float(random.uniform(1.0, 60.0)),
-            time_s=index * PERIOD,
-        )
+        course, speed = random.uniform((-math.pi, 1.0), (math.pi, 60.0)).tolist()
+        wild = vehicle_at(course=course, ground_speed=speed, time_s=index * PERIOD)
         motion = estimated_motion(motion, wild, AIRFRAME, FILTER)
         assert abs(motion.state.turn_rate) <= 0.8173
         assert abs(motion.state.acceleration) <= 6.0
@@ -100,12 +96,9 @@ LIMITS = RateLimits(turn_rate=0.6, acceleration=6.0)
 def on_circle(time_s: float, *, velocity: bool = True) -> Observation:
     """Clockwise around a centre 200 m east of the start, north at first."""
     course = TURN_RATE * time_s
-    return Observation(
-        time_s=time_s,
-        north=RADIUS * math.sin(course),
-        east=RADIUS * (1.0 - math.cos(course)),
-        velocity=(SPEED * math.cos(course), SPEED * math.sin(course)) if velocity else None,
-    )
+    north, east = RADIUS * math.sin(course), RADIUS * (1.0 - math.cos(course))
+    known = polar(SPEED, course) if velocity else None
+    return Observation(time_s=time_s, north=north, east=east, velocity=known)
 
 
 def circled(period: float, until_s: float, *, velocity: bool) -> ObservedMotion:
@@ -125,12 +118,8 @@ def test_a_steady_turn_is_found_without_error(period, velocity):
     assert state.ground_speed == pytest.approx(SPEED, abs=0.05)
     assert math.remainder(state.course - TURN_RATE * 40.0, math.tau) == pytest.approx(0.0, abs=2e-3)
     assert math.hypot(state.north - truth.north, state.east - truth.east) < 0.05
-
-
-@pytest.mark.parametrize("velocity", [True, False])
-def test_the_place_a_second_and_a_half_later_is_known_to_decimetres(velocity):
-    later = extrapolate_by_rates(circled(1.0, 40.0, velocity=velocity).state, 41.5)
-    truth = on_circle(41.5)
+    # The place a second and a half later is known to decimetres.
+    later, truth = extrapolate_by_rates(state, 41.5), on_circle(41.5)
     assert math.hypot(later.north - truth.north, later.east - truth.east) < 0.2
 
 
@@ -140,8 +129,5 @@ def test_a_silent_aircraft_is_carried_on_along_its_arc_at_one_speed():
     assert later.time_s == pytest.approx(21.0)
     assert (later.acceleration, later.turn_acceleration) == (0.0, 0.0)
     assert later.turn_rate == pytest.approx(TURN_RATE, abs=1e-3)
-
-
-def test_one_that_was_just_heard_flies_by_all_its_rates():
-    state = circled(0.25, 20.0, velocity=True).state
+    # One that was just heard flies by all its rates.
     assert carried_on(state, 0.5, 1.0) is state

@@ -31,6 +31,7 @@ from vfguide.paths.line import Line
 ALPHA, KAPPA, SPEED, PERIOD = 1.2, 3.0, 20.0, 0.05
 GAIN, APPROACH = 0.03, math.pi / 2.0
 LAYER = boundary_layer(KAPPA, 0.01, period=PERIOD, delay=0.0, factor=2.0)
+NORTHWARD = Line(north=0.0, east=0.0, course=0.0)
 
 Field = Callable[[float, float], float]
 
@@ -47,60 +48,46 @@ def fly(plant: Plant, field: Field, seconds: float, layer: float = LAYER) -> Non
 
 
 def field_of(path: Path) -> Field:
-    def field(north: float, east: float) -> float:
-        return desired_course(path.nearest(north, east), GAIN, APPROACH)
+    return lambda north, east: desired_course(path.nearest(north, east), GAIN, APPROACH)
 
-    return field
+
+def flown(field: Field, seconds: float, course: float = 0.0) -> Plant:
+    """Fly a field from 5 m to the right of the origin."""
+    plant = Plant(east=5.0, course=course)
+    fly(plant, field, seconds)
+    return plant
 
 
 # The line field: i [chi_inf / 2 + (2/pi) atan(k e)] + atan(a) is printed.
 
 
-def printed_line_field(sense: int, slope: float) -> Field:
-    def field(north: float, east: float) -> float:
-        error = east - slope * north
-        bend = APPROACH / 2.0 + 2.0 / math.pi * math.atan(GAIN * error)
-        return sense * bend + math.atan(slope)
-
-    return field
+def printed_line_field(sense: int) -> Field:
+    return lambda _, east: sense * (APPROACH / 2.0 + 2.0 / math.pi * math.atan(GAIN * east))
 
 
-def test_on_the_line_the_printed_field_does_not_point_along_it():
+def test_the_printed_line_field_does_not_point_along_the_line_and_flies_off_or_beside_it():
     # y = 0, flown to growing x: the course of the path is 0; printed i chi_inf / 2 = +-45 degrees
-    assert printed_line_field(1, 0.0)(0.0, 0.0) == pytest.approx(math.pi / 4.0)
-    assert printed_line_field(-1, 0.0)(0.0, 0.0) == pytest.approx(-math.pi / 4.0)
-    assert field_of(Line(north=0.0, east=0.0, course=0.0))(0.0, 0.0) == 0.0
-
-
-def test_the_printed_line_field_flies_off_or_beside_the_line():
-    away = Plant(east=5.0)
-    fly(away, printed_line_field(1, 0.0), 100.0)
+    outward, inward = printed_line_field(1), printed_line_field(-1)
+    assert (outward(0.0, 0.0), inward(0.0, 0.0)) == pytest.approx((math.pi / 4.0, -math.pi / 4.0))
+    corrected = field_of(NORTHWARD)
+    assert corrected(0.0, 0.0) == 0.0
     # far away its course is chi_inf/2 + 1 = 1.785 rad, 20 m/s . sin = 19.5 m/s outward, for most of 100 s
-    assert away.east > 1000.0
-
-    beside = Plant(east=5.0)
-    fly(beside, printed_line_field(-1, 0.0), 300.0)
+    assert flown(outward, 100.0).east > 1000.0
     # at rest where (2/pi) atan(k e) = -pi/4: e = -tan(pi²/8)/k = -2.857/0.03 = -95.2 m
-    assert beside.east == pytest.approx(-95.2, abs=0.5)
-
-    onto = Plant(east=5.0)
-    fly(onto, field_of(Line(north=0.0, east=0.0, course=0.0)), 100.0)
-    assert onto.east == pytest.approx(0.0, abs=0.01)
+    assert flown(inward, 300.0).east == pytest.approx(-95.2, abs=0.5)
+    assert flown(corrected, 100.0).east == pytest.approx(0.0, abs=0.01)
 
 
 # The cross-track error: e = y - (a x + b) is printed.
 
 
-def test_the_printed_error_is_not_a_distance():
+def test_the_printed_error_is_not_a_distance_and_has_no_line_across_its_axis():
     # 10 m right of a line at 60 degrees: measured along y it is 10/cos(60) = 20 m
     course = math.radians(60.0)
     north, east = -10.0 * math.sin(course), 10.0 * math.cos(course)
     assert east - math.tan(course) * north == pytest.approx(20.0)
     line = Line(north=0.0, east=0.0, course=course)
     assert line.nearest(north, east).cross_track_error == pytest.approx(10.0)
-
-
-def test_the_printed_error_has_no_line_across_its_axis():
     # x = 10 has no slope: toward it, the slope and with it the error of one metre grow beyond bounds
     steep = math.radians(89.99)
     assert math.cos(steep) - math.tan(steep) * -math.sin(steep) == pytest.approx(5730.0, rel=1e-3)
@@ -113,27 +100,24 @@ def test_the_printed_error_has_no_line_across_its_axis():
 def test_the_printed_error_drives_a_line_flown_backward_apart():
     # flown toward falling x, right of the line is on the other side of it, and the printed sign stays
     backward = math.radians(60.0 + 180.0)
+    line = Line(north=0.0, east=0.0, course=backward)
 
     def with_printed_error(north: float, east: float) -> float:
         error = east - math.tan(backward) * north
         return backward - APPROACH * (2.0 / math.pi) * math.atan(GAIN * error)
 
-    line = Line(north=0.0, east=0.0, course=backward)
-    literal, corrected = Plant(east=5.0, course=backward), Plant(east=5.0, course=backward)
-    fly(literal, with_printed_error, 100.0)
-    fly(corrected, field_of(line), 100.0)
-    errors = [line.nearest(one.north, one.east).cross_track_error for one in (literal, corrected)]
-    assert abs(errors[0]) > 500.0
-    assert errors[1] == pytest.approx(0.0, abs=0.01)
+    literal, corrected = (
+        line.nearest(one.north, one.east).cross_track_error
+        for one in (flown(field, 100.0, backward) for field in (with_printed_error, field_of(line)))
+    )
+    assert abs(literal) > 500.0
+    assert corrected == pytest.approx(0.0, abs=0.01)
 
 
 # The observer: "d chi^d/d e . d e/d chi" is printed for the regressor phi.
 
 OBSERVER = ObserverGains(gamma=1.0, rho=200.0, sigma=0.5)
-PATHS = [
-    Line(north=0.0, east=0.0, course=0.0),
-    Circle(north=0.0, east=0.0, radius=150.0, direction=1),
-]
+PATHS = [NORTHWARD, Circle(north=0.0, east=0.0, radius=150.0, direction=1)]
 
 
 def printed_regressor(path: Path, north: float, east: float, course: float) -> float:
@@ -189,7 +173,6 @@ def test_the_lyapunov_function_falls_with_the_regressor_alone(path, term, falls)
 
 # The formation error: gamma_f is printed without saying from whom to whom.
 
-
 SLOT = (-20.0, 20.0)
 
 
@@ -212,30 +195,24 @@ def follow(errors: Callable[[float, float], tuple[float, float]]) -> tuple[float
     return flyer.north - SPEED * PERIOD * 1200, flyer.east
 
 
-def test_one_reading_of_the_bearing_diverges_sideways_and_the_other_along():
-    outward = follow(partial(printed_errors, from_leader=True))
-    # the course stays at pi/4, 20 m/s . sin = 14 m/s for a minute
-    assert outward[1] > 500.0
-    along = follow(partial(printed_errors, from_leader=False))
-    # V_inf = 8 m/s too slow, for a minute
-    assert along[0] < -400.0
-    corrected = follow(lambda along, right: (SLOT[0] - along, SLOT[1] - right))
-    assert corrected == pytest.approx(SLOT, abs=0.05)
-
-
-def test_each_reading_has_one_error_of_the_right_sign():
+def test_each_reading_of_the_bearing_has_one_right_sign_and_diverges_sideways_or_along():
     # the follower 25 m behind and 30 m right, the slot 20 m behind and 20 m right: (5, -10) is true
     assert printed_errors(-25.0, 30.0, from_leader=True) == pytest.approx((5.0, 50.0))
     assert printed_errors(-25.0, 30.0, from_leader=False) == pytest.approx((-45.0, -10.0))
+    # the course stays at pi/4, 20 m/s . sin = 14 m/s for a minute
+    assert follow(partial(printed_errors, from_leader=True))[1] > 500.0
+    # V_inf = 8 m/s too slow, for a minute
+    assert follow(partial(printed_errors, from_leader=False))[0] < -400.0
+    corrected = follow(lambda along, right: (SLOT[0] - along, SLOT[1] - right))
+    assert corrected == pytest.approx(SLOT, abs=0.05)
 
 
 # The Lyapunov function: V~^2 / (2 rho) is printed.
 
 
 def off(along: float, right: float) -> FormationError:
-    return FormationError(
-        along_track=along, cross_track=right, along_track_rate=0.0, cross_track_rate=0.0
-    )
+    still = {"along_track_rate": 0.0, "cross_track_rate": 0.0}
+    return FormationError(along_track=along, cross_track=right, **still)
 
 
 def change_of_w(along: float, speed_error: float, weight: float) -> float:
@@ -263,11 +240,8 @@ def test_with_the_weight_rho_the_cross_terms_cancel(along, speed_error):
     assert change == pytest.approx(-field - sliding, rel=1e-6, abs=1e-4)
 
 
-def test_with_the_printed_weight_the_function_rises():
+def test_with_the_printed_weight_the_function_rises_and_the_corrected_is_half_the_squares():
     # x_E = 1, V~ = -3: -1.005 from the field, +3 (1 - 1/2500) not cancelled, -3 . 3/50 from the law = +1.81
     assert change_of_w(1.0, -3.0, 1.0 / 50.0) == pytest.approx(1.81, abs=0.01)
-
-
-def test_the_corrected_function_is_half_the_squares():
     # (9 + 16)/2 + 50 (0.25 + 0.01)/2 = 12.5 + 6.5
     assert lyapunov(off(3.0, 4.0), 0.1, 0.5, 50.0) == pytest.approx(19.0)

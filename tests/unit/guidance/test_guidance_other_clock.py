@@ -29,16 +29,9 @@ def on_a_cable() -> OtherClock:
     return OtherClock(CABLE, least_way_s=0.0)
 
 
-def read(clock: OtherClock, stamp_s: float, now: float) -> Reading:
-    """What a report says whose stamp has to be believed."""
-    reading = clock.read(stamp_s, now)
-    assert reading is not None
-    return reading
-
-
 def heard(clock: OtherClock, made_s: float, way_s: float) -> Reading:
     """A report that is made at a time of one's own clock, and takes a while."""
-    return read(clock, made_s - BOOTED_S, made_s + way_s)
+    return clock.read(made_s - BOOTED_S, made_s + way_s)
 
 
 def answered(
@@ -72,7 +65,7 @@ def test_without_answers_times_are_late_by_what_the_fastest_took(lateness, ways,
     clock, before_s = OtherClock(lateness), -math.inf
     for number, way_s in enumerate(ways):
         made_s = 101.0 + number
-        reading = read(clock, (made_s - BOOTED_S) * (1.0 + drift), made_s + way_s)
+        reading = clock.read((made_s - BOOTED_S) * (1.0 + drift), made_s + way_s)
         late_s = reading.time_s - made_s
         assert min(ways) - 1e-9 - number * DRIFT <= late_s <= way_s + 1e-9
         assert late_s <= min(ways[: number + 1]) + 2.0 * DRIFT * (number + 1)
@@ -87,7 +80,7 @@ def test_a_drift_of_50_ppm_costs_less_than_a_millisecond_in_an_hour(drift):
     for step in range(3600 * 4):
         made_s = 500.0 + step / 4
         # One report in seven travels at once, the others take up to 60 ms.
-        reading = read(clock, (made_s - 480.0) * (1.0 + drift), made_s + 0.01 * (step % 7))
+        reading = clock.read((made_s - 480.0) * (1.0 + drift), made_s + 0.01 * (step % 7))
         assert reading.time_s == pytest.approx(made_s, abs=1e-3, rel=0.0)
 
 
@@ -122,9 +115,8 @@ def test_times_are_monotone_and_wrong_by_no_more_than_is_stated(
                 assert abs(reading.time_s - made_s) <= stated_s
             assert reading.time_s > before_s or 0 <= step - slips_at <= 6
             before_s = reading.time_s
-        clock.answer(
-            made_s + 0.2, other(made_s + 0.2 + way_s), made_s + 0.2 + 2.0 * way_s + jitter_s
-        )
+        asked_s = made_s + 0.2
+        clock.answer(asked_s, other(asked_s + way_s), asked_s + 2.0 * way_s + jitter_s)
         knows |= clock.basis is Basis.ANSWERS
 
 
@@ -163,14 +155,13 @@ def test_an_answer_of_another_clock_says_nothing(behind_s):
 
 
 def test_answers_come_once_to_questions_that_were_asked():
-    questions = TimeQuestions(every_s=0.5, most_open=3)
+    questions, never = (TimeQuestions(every_s=0.5, most_open=3) for _ in range(2))
     assert questions.greatest_age(10.0) == math.inf
     stamps = [stamp for step in range(12) if (stamp := questions.ask(10.0 + 0.25 * step))]
     assert stamps == [round((10.0 + 0.5 * number) * 1e9) for number in range(6)]
     assert [questions.answered(stamp) for stamp in (17, stamps[0], stamps[3])] == [None, None, 11.5]
     assert questions.answered(stamps[3]) is None
     assert questions.greatest_age(13.0) == 1.5
-    never = TimeQuestions(every_s=0.5, most_open=3)
     never.ask(10.0)
     assert [never.greatest_age(now) for now in (14.0, 16.0)] == [math.inf, 0.0]
 
@@ -201,7 +192,6 @@ def test_a_slip_is_found_within_a_second(lost_s, answers):
             answered(clock, made_s - 0.005, 0.005, 0.005, BOOTED_S + slip_s)
         reading = clock.read(made_s - BOOTED_S - slip_s, made_s + 0.005)
         if made_s < 130.0 or made_s > 131.1 + lost_s:
-            assert reading is not None
             expected_s = lost_s if slip_s == 0.05 and not answers else 0.0
             assert reading.time_s + expected_s == pytest.approx(made_s, abs=0.012)
             assert clock.skew == 0.0
@@ -214,7 +204,7 @@ def test_a_clock_that_runs_slow_loses_no_more_time_once_that_is_known():
         now = 100.0 + step / 25
         if step % 12 == 0:
             clock.answer(now - 0.001, (now - 0.0005 - 50.0) * 0.987, now)
-        late.append(now - read(clock, (now - 0.0005 - 50.0) * 0.987, now).time_s)
+        late.append(now - clock.read((now - 0.0005 - 50.0) * 0.987, now).time_s)
     assert max(late[25 * 5 : 25 * 8]) > 0.002
     assert max(late[25 * 15 :]) - min(late[25 * 15 :]) < 0.002
     assert clock.skew == pytest.approx(1.0 / 0.987 - 1.0, abs=1e-4)
@@ -222,11 +212,11 @@ def test_a_clock_that_runs_slow_loses_no_more_time_once_that_is_known():
 
 def test_a_stamp_that_wraps_goes_on():
     clock = on_a_cable()
-    before = read(clock, WRAP_S - 0.03, 100.0)
+    before = clock.read(WRAP_S - 0.03, 100.0)
     for step in range(1, 100):
         now = 100.0 + 0.05 * step
         clock.answer(now, now + WRAP_S - 100.03, now)
-        after = read(clock, round(0.05 * step - 0.03, 3) % WRAP_S, now)
+        after = clock.read(round(0.05 * step - 0.03, 3) % WRAP_S, now)
         assert after.leap_s == 0.0
         assert after.time_s == pytest.approx(now, abs=1e-3)
         assert after.stamp_s - before.stamp_s == pytest.approx(0.05, abs=1e-5)
@@ -241,52 +231,50 @@ def test_stamps_that_go_on_elsewhere_for_a_second_are_a_new_start(
 ):
     """Of a slow stream the third report shows it."""
     clock = OtherClock(lateness)
-    read(clock, 100.0, 200.0)
-    found = [
-        clock.read(100.0 + leap_s + interval_s * step, 205.0 + interval_s * step)
-        for step in range(found_at + 2)
-    ]
-    assert found[:found_at] == [None] * found_at
-    started, after = found[found_at], found[found_at + 1]
-    assert started is not None
-    assert started.leap_s == pytest.approx(leap_s + interval_s * found_at)
-    assert after is not None
-    assert after.leap_s == 0.0
-    assert after.time_s == pytest.approx(205.0 + interval_s * (found_at + 1), abs=1e-3)
+    clock.read(100.0, 200.0)
+    for later_s in (interval_s * step for step in range(found_at)):
+        assert clock.read(100.0 + leap_s + later_s, 205.0 + later_s) is None
+    later_s = interval_s * found_at
+    started = clock.read(100.0 + leap_s + later_s, 205.0 + later_s)
+    assert started.leap_s == pytest.approx(leap_s + later_s)
+    later_s += interval_s
+    after = clock.read(100.0 + leap_s + later_s, 205.0 + later_s)
+    assert (after.leap_s, after.time_s) == pytest.approx((0.0, 205.0 + later_s), abs=1e-3)
 
 
 def test_the_first_stamp_is_no_new_start():
-    assert read(on_a_cable(), 0.0, 100.0) == Reading(time_s=100.0, stamp_s=0.0, read_s=100.0)
+    assert on_a_cable().read(0.0, 100.0) == Reading(time_s=100.0, stamp_s=0.0, read_s=100.0)
     assert on_a_cable().read(math.nan, 100.0) is None
+
+
+EVENLY = [90.0 + 0.05 * number for number in range(100)]
 
 
 @pytest.mark.parametrize(
     ("stamps", "apart_s"),
     [
-        pytest.param([90.0 + 0.05 * number for number in range(100)], 0.0, id="repeated at once"),
-        pytest.param([90.0 + 0.05 * number for number in range(8)], 0.02, id="eight that fall"),
-        pytest.param([90.0 + 0.05 * number for number in range(8)], 0.05, id="the same evenly"),
+        pytest.param(EVENLY, 0.0, id="repeated at once"),
+        pytest.param(EVENLY[:8], 0.02, id="eight that fall"),
+        pytest.param(EVENLY[:8], 0.05, id="the same evenly"),
         pytest.param([5000.0], 0.0, id="one that leaps ahead"),
         pytest.param([1e6, 0.0, 1e6, 0.0], 0.3, id="to and fro"),
     ],
 )
 def test_forged_and_repeated_stamps_are_not_believed_and_lock_nobody_out(stamps, apart_s):
     clock = on_a_cable()
-    read(clock, 100.0, 200.0)
+    clock.read(100.0, 200.0)
     assert not any(clock.read(one, 200.01 + apart_s * k) for k, one in enumerate(stamps))
     now = 200.1 + apart_s * len(stamps)
-    assert read(clock, now - 100.0, now).time_s == pytest.approx(now, abs=1e-3)
+    assert clock.read(now - 100.0, now).time_s == pytest.approx(now, abs=1e-3)
 
 
 @pytest.mark.parametrize("leap_s", [-5.0, 5000.0])
 @pytest.mark.parametrize("lateness", [CABLE, RADIO])
 def test_old_or_forged_stamps_among_true_ones_move_nothing(leap_s, lateness):
     clock = OtherClock(lateness)
-    for step in range(100):
-        now = 200.0 + 0.05 * step
-        reading = read(clock, now - 100.0, now)
-        assert reading.time_s == pytest.approx(now)
-        assert reading.leap_s == 0.0
+    for now in (200.0 + 0.05 * step for step in range(100)):
+        reading = clock.read(now - 100.0, now)
+        assert (reading.time_s, reading.leap_s) == pytest.approx((now, 0.0))
         assert clock.read(now - 100.0 + leap_s, now) is None
 
 
@@ -294,21 +282,18 @@ def test_a_radio_that_becomes_slow_is_no_new_clock_for_ten_seconds():
     """What is more than 5 s late is of no use meanwhile."""
     clock = OtherClock(RADIO)
     heard(clock, 110.0, 0.1)
-    late = [clock.read(11.0 + step, 117.0 + step) for step in range(12)]
-    assert late[:10] == [None] * 10
-    assert late[10] is not None
-    assert late[10].time_s == pytest.approx(127.0, abs=0.01)
+    assert [clock.read(11.0 + step, 117.0 + step) for step in range(10)] == [None] * 10
+    assert clock.read(21.0, 127.0).time_s == pytest.approx(127.0, abs=0.01)
 
 
 @pytest.mark.parametrize(
     ("stamp", "words"),
     [
-        (lambda _: 0.0, "stand still"),
-        (lambda time_s: time_s * 1000.0 % WRAP_S, "run 1000 times too fast"),
-        (lambda time_s: time_s // 1.0 * 1e-3, "times too slow"),
-        (lambda time_s: time_s * 7919.0 % 1000.0 // 1.0, "leap about"),
+        pytest.param(lambda _: 0.0, "stand still", id="zero"),
+        pytest.param(lambda time_s: time_s * 1e3 % WRAP_S, "run 1000 times too fast", id="µs"),
+        pytest.param(lambda time_s: time_s // 1.0 * 1e-3, "times too slow", id="seconds"),
+        pytest.param(lambda time_s: time_s * 7919.0 % 1000.0 // 1.0, "leap about", id="leaps"),
     ],
-    ids=["zero", "microseconds", "seconds", "leaps"],
 )
 def test_stamps_that_tell_no_time_are_replaced_by_arrival(stamp: Callable[[float], float], words):
     clock, readings = on_a_cable(), []
@@ -316,11 +301,9 @@ def test_stamps_that_tell_no_time_are_replaced_by_arrival(stamp: Callable[[float
         now = 200.0 + 0.1 * step
         reading = clock.read(stamp(now - 100.0), now, (47.0, float(step)))
         if now > 205.0:
-            assert reading is not None
             assert reading.time_s == pytest.approx(now)
             readings.append(reading.stamp_s)
-    assert clock.fault is not None
-    assert words in clock.fault
+    assert words in str(clock.fault)
     assert clock.basis is Basis.ARRIVAL
     assert clock.uncertainty_s > 1.0
     assert readings == pytest.approx([readings[0] + 0.1 * k for k in range(len(readings))])
@@ -338,7 +321,6 @@ def test_arrival_has_no_rate_although_the_clock_that_has_stopped_had_one():
         if step == 590:
             assert clock.skew == pytest.approx(-0.0476, abs=0.01)
         if now > 265.0:
-            assert reading is not None
             assert reading.time_s == pytest.approx(now, abs=0.01)
     assert clock.basis is Basis.ARRIVAL
 
@@ -351,13 +333,11 @@ def test_stamps_that_tell_time_again_go_on_without_a_new_start():
         reading = clock.read(stamp_s, now, (47.0, float(step)))
         assert reading is None or reading.leap_s == 0.0
     assert clock.basis is Basis.STAMPS
-    assert reading is not None
     assert reading.time_s == pytest.approx(now)
 
 
 @given(
-    st.lists(st.tuples(st.floats(0.0, 3.0), st.floats(0.0, 2.0)), max_size=60),
-    st.floats(0.0, 4e6),
+    st.lists(st.tuples(st.floats(0.0, 3.0), st.floats(0.0, 2.0)), max_size=60), st.floats(0.0, 4e6)
 )
 def test_stamps_of_a_clock_that_is_right_are_never_doubted_however_late_they_come(steps, start_s):
     sense, sent_s, now = StampSense(), start_s, 0.0

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.kit.following import distance, follow, follower_step, keeper, northward
+from tests.kit.following import distance, follow, keeper, northward
 from tests.kit.states import Plant, choices, leader_at, vehicle_at
 from vfguide.guidance.formation import (
     GREATEST_M,
@@ -23,7 +23,6 @@ from vfguide.guidance.formation import (
     no_offset,
     update_offset,
 )
-from vfguide.guidance.sliding_laws import GuidanceSettings
 from vfguide.state import Airframe, LeaderState
 
 PERIOD = 0.05
@@ -40,9 +39,8 @@ def off(along: float, cross: float) -> FormationError:
 
 
 def moving(course: float = 0.0, turn_rate: float = 0.0) -> SlotMotion:
-    return SlotMotion(
-        north=0.0, east=0.0, course=course, speed=20.0, turn_rate=turn_rate, acceleration=0.0
-    )
+    straight = SlotMotion(north=0, east=0, course=course, speed=20.0, turn_rate=0, acceleration=0)
+    return replace(straight, turn_rate=turn_rate)
 
 
 STRAIGHT = moving()
@@ -82,6 +80,10 @@ def test_the_offset_grows_by_the_error_over_the_time_and_stops_at_its_bound():
     assert (after.ahead, after.right) == pytest.approx((0.01, -0.01), abs=1e-6)
     full = replace(no_offset(), ahead=GREATEST_M, right=-GREATEST_M)
     assert learned(full, off(1.0, -1.0)) == full
+    # What is learned beyond the bound of all parts winds nothing up.
+    full, turning = ahead_by_course(2.0, mean=4.0), moving(course=0.0, turn_rate=40.0)
+    assert learned(full, off(0.5, 0.0), turning) == full
+    assert learned(full, off(-0.5, 0.0), turning).ahead < full.ahead
 
 
 def test_in_a_turn_each_harmonic_learns_in_its_own_phase_as_fast_as_the_mean():
@@ -115,65 +117,40 @@ def test_at_the_turn_rate_at_which_they_count_by_half_harmonics_are_seen_by_half
 @given(parts=st.lists(st.floats(-GREATEST_M, GREATEST_M), min_size=10, max_size=10))
 def test_all_parts_together_aim_no_farther_than_the_bound(parts):
     names = ("ahead_cosine", "ahead_sine", "right_cosine", "right_sine")
-    one, other = no_offset().harmonics
-    known = replace(
-        no_offset(),
-        ahead=parts[0],
-        right=parts[1],
-        harmonics=(
-            replace(one, **dict(zip(names, parts[2:6], strict=True))),
-            replace(other, **dict(zip(names, parts[6:], strict=True))),
-        ),
+    harmonics = tuple(
+        replace(one, **dict(zip(names, parts[begin : begin + 4], strict=True)))
+        for one, begin in zip(no_offset().harmonics, (2, 6), strict=True)
     )
+    known = replace(no_offset(), ahead=parts[0], right=parts[1], harmonics=harmonics)
     aimed = aimed_error(off(0.0, 0.0), known, LEARNS, moving(course=1.0, turn_rate=0.2))
     assert max(abs(aimed.along_track), abs(aimed.cross_track)) <= GREATEST_M
 
 
-def test_what_is_learned_beyond_the_bound_of_all_parts_winds_nothing_up():
-    full = ahead_by_course(2.0, mean=4.0)
-    turning = moving(course=0.0, turn_rate=40.0)
-    pushed = learned(full, off(0.5, 0.0), turning)
-    assert pushed == full
-    drawn_back = learned(full, off(-0.5, 0.0), turning)
-    assert drawn_back.ahead < full.ahead
-
-
 def test_nothing_is_learned_at_a_limit_or_without_a_time_to_learn_in():
     before = replace(no_offset(), ahead=0.2, right=0.1)
-    assert update_offset(before, off(0.5, 0.5), LEARNS, STRAIGHT, period=0.5, held=True) == before
-    never = 0.0
-    assert update_offset(before, off(0.5, 0.5), never, STRAIGHT, period=0.5, held=False) == before
-    assert aimed_error(off(0.5, 0.5), no_offset(), never, STRAIGHT) == off(0.5, 0.5)
+    for learns_s, held in ((LEARNS, True), (0.0, False)):
+        after = update_offset(before, off(0.5, 0.5), learns_s, STRAIGHT, period=0.5, held=held)
+        assert after == before
+    assert aimed_error(off(0.5, 0.5), no_offset(), 0.0, STRAIGHT) == off(0.5, 0.5)
 
 
-def error_with_biased_holds(settings: GuidanceSettings, **gains: float) -> tuple[float, float]:
-    """(along, across) error after a minute with holds that are 0.05 rad and 0.5 m/s off."""
-    follower = keeper("slot", settings, BEHIND, COURSE_HOLD, **gains)
+# 0.05 rad . 1.2 1/s = 0.06 rad/s: chi~ = 0.06 . 0.525/3 = 0.0105 rad, y_E = -tan(2 chi~)/0.2 = -0.105 m;
+# 0.5 m/s . 0.8 1/s = 0.4 m/s², less x_E/50: V~ = 0.07 m/s, x_E = tan(pi/16 . 0.07)/0.2 = 0.0687 m;
+# and 3 % more for the lead of half a period that the holds do not have
+@pytest.mark.parametrize(("integral_s", "left"), [(0.0, (0.0687, -0.105)), (LEARNS, (0.0, 0.0))])
+def test_biased_holds_leave_a_lasting_error_that_an_integral_removes(integral_s, left):
+    follower = keeper("slot", choices(), BEHIND, COURSE_HOLD, integral_s=integral_s)
     flyer = Plant(north=-20.0)
+    # For a minute the holds are 0.05 rad and 0.5 m/s off.
     error = follow(follower, flyer, northward, 60.0, biased=lambda _: (0.05, -0.5))[-1].error
-    return error.along_track, error.cross_track
-
-
-def test_without_an_integral_biased_holds_leave_a_lasting_error():
-    # 0.05 rad . 1.2 1/s = 0.06 rad/s: chi~ = 0.06 . 0.525/3 = 0.0105 rad, y_E = -tan(2 chi~)/0.2 = -0.105 m;
-    # 0.5 m/s . 0.8 1/s = 0.4 m/s², less x_E/50: V~ = 0.07 m/s, x_E = tan(pi/16 . 0.07)/0.2 = 0.0687 m;
-    # and 3 % more for the lead of half a period that the holds do not have
-    along, across = error_with_biased_holds(choices(), integral_s=0.0)
-    assert along == pytest.approx(0.0687, rel=0.05)
-    assert across == pytest.approx(-0.105, rel=0.05)
-
-
-def test_with_an_integral_biased_holds_leave_no_error():
-    along, across = error_with_biased_holds(choices(), integral_s=LEARNS)
-    assert abs(along) < 1e-4
-    assert abs(across) < 1e-4
+    assert (error.along_track, error.cross_track) == pytest.approx(left, rel=0.05, abs=1e-4)
 
 
 def round_100_m(time_s: float) -> LeaderState:
     """A leader on a circle of 100 m, north at first."""
     course = math.remainder(0.2 * time_s, 2.0 * math.pi)
-    place = {"north": 100.0 * math.sin(course), "east": 100.0 * (1.0 - math.cos(course))}
-    return leader_at(time_s=time_s, **place, course=course, turn_rate=0.2)
+    north, east = 100.0 * math.sin(course), 100.0 * (1.0 - math.cos(course))
+    return leader_at(time_s=time_s, north=north, east=east, course=course, turn_rate=0.2)
 
 
 def as_the_wind(plant: Plant) -> tuple[float, float]:
@@ -199,15 +176,12 @@ def test_what_comes_back_with_every_turn_is_learned_by_harmonics_and_hardly_by_t
 
 
 def test_a_follower_that_flies_something_else_learns_nothing():
-    state = vehicle_at(-20.05, 0.05)
-
-    def second_speed(*, held: bool) -> float:
+    def speeds(*, held: bool) -> list[float]:
         learns = keeper("slot", choices(), BEHIND, COURSE_HOLD, integral_s=LEARNS)
-        learns.step(state, leader_at(), period=PERIOD, held=held)
-        return float(learns.step(state, leader_at(), period=PERIOD).setpoint.speed)
+        here, leader = vehicle_at(-20.05, 0.05), leader_at()
+        steps = (learns.step(here, leader, period=PERIOD, held=held) for _ in range(2))
+        return [float(step.setpoint.speed) for step in steps]
 
-    fresh = follower_step(
-        state, leader_at(), BEHIND, choices(), COURSE_HOLD, period=PERIOD, integral_s=LEARNS
-    )
-    assert second_speed(held=True) == fresh.setpoint.speed
-    assert second_speed(held=False) > fresh.setpoint.speed
+    first, second = speeds(held=True)
+    assert second == first
+    assert speeds(held=False)[1] > first

@@ -8,26 +8,19 @@ import numpy as np
 from tests.kit.states import NORTHBOUND, vehicle_at
 from vfguide.guidance.formation import Slot, formation_error, slot_motion
 from vfguide.laws import OBSERVATION, View, motion_of, observed
-from vfguide.state import Airframe, LeaderState
+from vfguide.state import Airframe
 
 AIRFRAME = Airframe(max_bank=math.atan(2.0), max_acceleration=3.0)
 """Turns at 2 g / V."""
 
 
-def view_of(leader: LeaderState = NORTHBOUND, *, held: bool = False, **own: Any) -> View:
+def view_of(**own: Any) -> View:
     """What a follower sees whose slot is at its leader's place."""
-    slot = Slot(forward=0.0, right=0.0)
-    motion, state = slot_motion(leader, slot), vehicle_at(**own)
-    return View(
-        state=state,
-        leader=leader,
-        slot=slot,
-        motion=motion,
-        error=formation_error(motion, state),
-        airframe=AIRFRAME,
-        period=0.1,
-        held=held,
-    )
+    slot, state = Slot(forward=0.0, right=0.0), vehicle_at(**own)
+    motion = slot_motion(NORTHBOUND, slot)
+    seen = {"state": state, "leader": NORTHBOUND, "slot": slot, "motion": motion}
+    error = formation_error(motion, state)
+    return View(**seen, error=error, airframe=AIRFRAME, period=0.1, held=False)
 
 
 def test_an_observation_stays_within_its_bounds():

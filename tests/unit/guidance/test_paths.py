@@ -1,7 +1,4 @@
-"""What every path has in common: its nearest point is abeam, at its progress; heights of climbs.
-
-Fields around lines and circles: where they point, and how fast they turn along a flight.
-"""
+"""What every path has in common, heights of climbs, and the fields around lines and circles."""
 
 import math
 from collections.abc import Callable
@@ -45,7 +42,7 @@ class Eight(Curve):
 
 
 class Bridge(Eight):
-    """The same, 40 m higher on its second way over its middle than on its first."""
+    """Its second way over its middle is 40 m higher than its first."""
 
     name = "bridge"
 
@@ -72,8 +69,6 @@ def around(shape: float, share: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 Round = curve("round", around)
-
-
 EIGHT = Eight(400.0)
 CORNERS = [
     {"north_m": north, "east_m": east}
@@ -150,13 +145,16 @@ def test_arrays_are_found_as_each_of_their_places_alone(name):
             assert found == pytest.approx(getattr(one, field), abs=1e-9)
 
 
-@pytest.mark.parametrize(("course_deg", "runs_deg"), [(50.0, 45.0), (120.0, 135.0), (160.0, 135.0)])
-def test_where_a_path_crosses_itself_the_course_of_the_vehicle_tells_the_branch(
-    course_deg, runs_deg
+@pytest.mark.parametrize(
+    ("course_deg", "runs_deg", "height"), [(50, 45, 0.0), (120, 135, 40.0), (160, 135, 40.0)]
+)
+def test_where_a_path_crosses_itself_the_vehicles_course_tells_branch_and_height(
+    course_deg, runs_deg, height
 ):
     # through its middle the eight runs at 45 degrees, and half a round later at 135
-    point = EIGHT.nearest(3.0, 4.0, math.radians(course_deg))
+    point = PATHS["eight with a bridge"].nearest(3.0, 4.0, math.radians(course_deg))
     assert math.degrees(point.course) == pytest.approx(runs_deg, abs=1.5)
+    assert point.height == pytest.approx(height, abs=0.01)
 
 
 def test_a_vehicle_that_flies_straight_on_keeps_its_branch_all_the_way_across():
@@ -190,16 +188,12 @@ def test_a_traced_circle_is_the_circle():
         assert one.progress == pytest.approx(other.progress, abs=0.05)
 
 
-def test_a_place_that_is_not_known_has_no_nearest_point():
+def test_a_place_that_is_not_known_has_no_nearest_point_and_none_raises_anything():
     found = EIGHT.nearest(np.array([math.nan, 1.0]), np.array([0.0, 2.0]), np.array([0.0, 0.8]))
     assert math.isnan(found.cross_track_error[0])
     assert math.isfinite(found.cross_track_error[1])
-
-
-@pytest.mark.parametrize(("course_deg", "height"), [(45.0, 0.0), (135.0, 40.0)])
-def test_where_a_curve_crosses_itself_each_branch_has_its_height(course_deg, height):
-    point = PATHS["eight with a bridge"].nearest(1.0, 1.0, math.radians(course_deg))
-    assert point.height == pytest.approx(height, abs=0.01)
+    for far in (1e12, 1e200, math.inf):
+        assert math.isfinite(EIGHT.nearest(far, 0.0, 0.0).course)
 
 
 def test_a_curve_climbs_as_its_heights_do():
@@ -242,21 +236,23 @@ Failing = curve("failing", lambda shape, share: (share / shape, share[int(shape)
 """It cannot be traced."""
 
 
-def test_the_tightest_bend_of_a_curve_is_looked_at_however_short_it_is():
-    path = curve("hippodrome", hippodrome)(50.0)
+@pytest.mark.parametrize(
+    ("path", "radius"),
+    [
+        (curve("hippodrome", hippodrome)(50.0), 50.0),
+        (Racetrack(north=0.0, east=0.0, course=0.0, leg=90e3, radius=100.0, direction=1), 100.0),
+    ],
+    ids=["curve", "racetrack"],
+)
+def test_the_tightest_bend_of_a_path_is_looked_at_however_short_it_is(path, radius):
     seen = np.abs(path.at(path.outline(97)).curvature)
-    assert 1.0 / 50.0 <= seen.max() < 1.2 / 50.0
-    assert (seen > 0.5 / 50.0).sum() > 40
+    assert 1.0 / radius <= seen.max() < 1.2 / radius
+    assert (seen > 0.5 / radius).sum() > 40
 
 
 def test_round_a_small_curve_a_vehicle_that_flies_the_wrong_way_is_beside_its_own_side():
     point = Round(60.0).nearest(60.0, 0.0, math.radians(-90.0))
     assert math.remainder(point.course - math.pi / 2.0, 2.0 * math.pi) == pytest.approx(0, abs=0.01)
-
-
-def test_a_place_beyond_all_bounds_raises_nothing():
-    for far in (1e12, 1e200, math.inf):
-        assert math.isfinite(EIGHT.nearest(far, 0.0, 0.0).course)
 
 
 @pytest.mark.parametrize(
@@ -282,16 +278,9 @@ def test_a_curve_that_cannot_be_flown_is_refused_in_a_line(kind, shape, words):
         kind(shape)
 
 
-def test_a_racetrack_is_looked_at_in_its_turns_however_long_its_legs_are():
-    track = Racetrack(north=0.0, east=0.0, course=0.0, leg=90e3, radius=100.0, direction=1)
-    turning = track.at(track.outline(97)).curvature > 0.0
-    assert turning.sum() > 40
-
-
 def test_a_figure_eight_is_the_lemniscate_of_its_half_length():
-    shape = {"type": "figure-eight", "half_length_m": 300, "course_deg": 90}
-    shape |= {"centre": {"north_m": 50}}
-    path = path_of(shape_of(shape))
+    shape = {"half_length_m": 300, "course_deg": 90, "centre": {"north_m": 50}}
+    path = path_of(shape_of(shape | {"type": "figure-eight"}))
     # Gauss's constant: the lemniscate of half length 1 is 5.2441151085842396 long
     assert path.length == pytest.approx(300.0 * 5.2441151085842396, rel=1e-12)
     quarter = path.at(path.length / 4.0)
@@ -303,7 +292,7 @@ def test_a_figure_eight_is_the_lemniscate_of_its_half_length():
     # out at 45 degrees to the left of its axis, and back at 45 to the left of the other way
     assert math.degrees(path.at(0.0).course) == pytest.approx(45.0)
     assert math.degrees(middle.course) == pytest.approx(90.0 + 225.0)
-    other = path_of(shape_of(shape | {"direction": "counterclockwise"}))
+    other = path_of(shape_of(shape | {"type": "figure-eight", "direction": "counterclockwise"}))
     assert other.at(other.length / 4.0).curvature == pytest.approx(-3.0 / 300.0, rel=1e-6)
 
 
@@ -320,8 +309,6 @@ RISE = Climb(slope=0.1, end=60.0)
 """Its slope alone takes 600 m to the end; 100 m more are eased."""
 
 HELIX = Helix(circle=Circle(north=0.0, east=0.0, radius=150.0, direction=1), climb=RISE)
-
-
 NORTHBOUND = {"type": "line", "course_deg": 0.0}
 ROUND = {"type": "helix", "radius_m": 100.0, "centre": {"north_m": 0.0, "east_m": 0.0}}
 
@@ -367,20 +354,16 @@ def test_the_height_tells_which_turn_of_a_helix_is_flown(progress, off):
     assert (point.height, point.slope) == (pytest.approx(place.height), pytest.approx(place.slope))
 
 
-def test_a_vehicle_above_the_climb_goes_round_level():
+def test_above_a_helix_a_vehicle_goes_round_level_and_at_the_flying_height_begins_with_its_turns():
     for progress in np.linspace(0.0, 942.0, 50):
         place = HELIX.at(float(progress))
         point = HELIX.nearest_in_space(place.north, place.east, place.course, 60.5)
         assert (point.height, point.slope) == (pytest.approx(60.0), pytest.approx(0.0, abs=1e-9))
-
-
-def test_a_vehicle_at_the_flying_height_begins_with_the_first_turn():
-    place = HELIX.at(200.0)
-    point = HELIX.nearest_in_space(place.north, place.east, place.course, 0.0)
-    assert point.progress == pytest.approx(200.0)
-    before = HELIX.at(-200.0)
-    point = HELIX.nearest_in_space(before.north, before.east, before.course, 0.0)
-    assert (point.progress, point.height) == (pytest.approx(-200.0), 0.0)
+    for progress in (200.0, -200.0):
+        place = HELIX.at(progress)
+        point = HELIX.nearest_in_space(place.north, place.east, place.course, 0.0)
+        assert point.progress == pytest.approx(progress)
+    assert point.height == 0.0
 
 
 @pytest.mark.parametrize(
@@ -400,7 +383,7 @@ def test_a_climb_that_does_not_lead_to_its_end_is_refused(fields):
 
 REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=200)
 GAIN = 0.03
-COURSES = [math.radians(course) for course in (0, 45, 90, 135, 180, 225, 270, 315)]
+
 SENSES: tuple[Direction, Direction] = (1, -1)
 ARTICLE_PATHS: list[Path] = [
     Line(north=10.0, east=-20.0, course=0.7),
@@ -408,10 +391,6 @@ ARTICLE_PATHS: list[Path] = [
     Circle(north=30.0, east=40.0, radius=150.0, direction=1),
     Circle(north=30.0, east=40.0, radius=150.0, direction=-1),
 ]
-
-
-def angle_between(first: float, second: float) -> float:
-    return abs(wrap_angle(first - second))
 
 
 @REPEATABLE
@@ -429,7 +408,8 @@ def test_the_circle_field_is_the_articles(bearing, distance, direction, gain):
     north, east = polar(distance, bearing)
     point = circle.nearest(12.0 + north, -34.0 + east)
     article = bearing + direction * (math.pi / 2.0 + math.atan(gain * (distance - 150.0)))
-    assert angle_between(desired_course(point, gain, math.pi / 2.0), article) < 1e-8
+    off = wrap_angle(desired_course(point, gain, math.pi / 2.0) - article)
+    assert off == pytest.approx(0.0, abs=1e-8)
     assert point.cross_track_error == pytest.approx(direction * (150.0 - distance), abs=1e-8)
     assert point.curvature == pytest.approx(direction / 150.0)
 
@@ -457,7 +437,7 @@ def test_at_the_centre_of_a_circle_everything_is_finite(direction):
     point = circle.nearest(30.0, 40.0)
     assert abs(point.cross_track_error) == pytest.approx(150.0)
     assert math.isfinite(desired_course(point, GAIN, math.pi / 2.0))
-    for course in COURSES:
+    for course in np.radians(range(0, 360, 45)).tolist():
         rate = desired_course_rate_per_speed(point, course, GAIN, math.pi / 2.0)
         # at most (1/R) / NEAR_CENTRE + k = 0.133 + 0.03 rad/m
         assert abs(rate) < 0.17

@@ -57,18 +57,28 @@ def others(
     )
 
 
-def flying(place: complex, velocity: complex, turn_rate: float = 0.0) -> ComplexArray:
-    return arc(place, velocity, turn_rate)
+def flying(place: complex, velocity: complex) -> ComplexArray:
+    return arc(place, velocity, 0.0)
 
 
 def cleared(found: Others, wanted: WantedMotion = STRAIGHT_ON) -> Clearance:
     return keep_clear(HERE, wanted, found, AGILITY)
 
 
+HEAD_ON, ALONGSIDE = flying(120.0 + 0j, -NORTH), flying(14.0j, NORTH)
+
+
 def test_an_arc_is_a_part_of_a_circle():
     # 20 m/s at 0.5 rad/s: a radius of 40 m, the centre to the right
     places = arc(0j, NORTH, 0.5)
     assert np.abs(places - 40.0j) == pytest.approx(np.full(len(TIMES), 40.0))
+
+
+def test_alongside_and_beyond_a_horizon_nothing_is_changed():
+    found = cleared(others(flying(12.0j, NORTH), flying(-30.0 + 0j, NORTH)))
+    assert not found.changed
+    assert found.nearest == pytest.approx([12.0, 30.0])
+    assert not cleared(others(flying(100.0 + 0j, -NORTH), horizon_s=1.0)).changed
 
 
 def test_a_turn_is_as_hard_as_the_bank_allows_and_begins_after_the_delay():
@@ -82,11 +92,9 @@ def test_a_turn_is_as_hard_as_the_bank_allows_and_begins_after_the_delay():
 
 
 def test_the_wind_carries_every_manoeuvre_along():
-    blown = replace(HERE, wind=5.0j)
     drifting = replace(STRAIGHT_ON, velocity=20.0 + 5.0j, base_velocity=20.0 + 5.0j)
-    (track,) = own_tracks(
-        blown, drifting, Manoeuvres(turn=np.zeros(1), airspeed=np.full(1, np.nan)), AGILITY
-    )
+    straight = Manoeuvres(turn=np.zeros(1), airspeed=np.full(1, np.nan))
+    (track,) = own_tracks(replace(HERE, wind=5.0j), drifting, straight, AGILITY)
     assert track[-1] == pytest.approx(160.0 + 40.0j)
 
 
@@ -94,11 +102,6 @@ def test_closest_approach_is_found_between_two_times():
     # Head on at 40 m/s, 10 m apart sideways: met at 1.25 s, between two places of the tracks.
     distance = closest_approaches(flying(0j, NORTH)[None], others(flying(50.0 + 10.0j, -NORTH)))
     assert distance.min() == pytest.approx(10.0)
-
-
-def test_beyond_its_horizon_a_possibility_does_not_count():
-    soon = others(flying(100.0 + 0j, -NORTH), horizon_s=1.0)
-    assert not cleared(soon).changed
 
 
 def test_what_a_track_may_be_off_by_counts_as_nearer():
@@ -110,12 +113,6 @@ def test_what_a_track_may_be_off_by_counts_as_nearer():
     assert cleared(replace(alongside, margin=2.0 * BEGINNINGS[None, :])).changed
 
 
-def test_alongside_nothing_is_changed():
-    found = cleared(others(flying(12.0j, NORTH), flying(-30.0 + 0j, NORTH)))
-    assert not found.changed
-    assert found.nearest == pytest.approx([12.0, 30.0])
-
-
 def test_one_in_the_way_is_passed_at_the_kept_distance():
     # 60 m ahead and 8 m/s slower it would be run into after 7.5 s.
     found = cleared(others(flying(60.0 + 0j, 12.0 + 0j)))
@@ -125,7 +122,7 @@ def test_one_in_the_way_is_passed_at_the_kept_distance():
 
 
 def test_two_that_meet_head_on_both_go_right():
-    found = cleared(others(flying(120.0 + 0j, -NORTH)))
+    found = cleared(others(HEAD_ON))
     assert found.changed
     assert found.turn > 0.0
     assert found.nearest[0] >= 11.0
@@ -137,20 +134,14 @@ def test_the_least_change_that_is_clear_is_made():
     assert 0.0 < found.turn <= math.radians(20.0)
 
 
-def test_who_is_followed_on_one_side_is_not_pushed_into_the_other():
+def test_who_is_followed_on_one_side_is_not_pushed_into_the_other_nor_by_a_liar():
     # Head on somebody, somebody else 14 m to the right: the only way out is to the left.
-    found = cleared(others(flying(120.0 + 0j, -NORTH), flying(14.0j, NORTH)))
-    assert found.turn < 0.0
-    assert found.nearest.min() >= FLOOR_M
-
-
-def test_whoever_claims_to_be_here_already_changes_no_choice_between_the_others():
-    honest = others(flying(120.0 + 0j, -NORTH), flying(14.0j, NORTH))
-    with_liar = others(
-        flying(120.0 + 0j, -NORTH), flying(14.0j, NORTH), flying(0.5 + 0j, NORTH), keep=11.0
-    )
-    found = cleared(with_liar)
-    assert found.nearest[:2].min() >= cleared(honest).nearest.min() - 3.0
+    honest = cleared(others(HEAD_ON, ALONGSIDE))
+    assert honest.turn < 0.0
+    assert honest.nearest.min() >= FLOOR_M
+    # Whoever claims to be here already changes no choice between the others.
+    found = cleared(others(HEAD_ON, ALONGSIDE, flying(0.5 + 0j, NORTH)))
+    assert found.nearest[:2].min() >= honest.nearest.min() - 3.0
     assert found.nearest[:2].min() >= 5.0
 
 
@@ -159,24 +150,20 @@ def way_of(apart: complex, closing: complex) -> float:
     return float(way)
 
 
-def test_two_that_meet_find_the_same_way_for_the_line_of_sight_between_them():
-    # The other crosses from the right, 5 m in front: the line of sight turns left.
-    apart, closing = 55.0 + 50.0j, -20.0j - NORTH
-    assert way_of(apart, closing) == way_of(-apart, -closing) == -1.0
-    assert way_of(apart.conjugate(), closing.conjugate()) == 1.0
-
-
-def test_head_on_the_line_of_sight_is_to_turn_left():
-    assert way_of(120.0 + 0j, -2.0 * NORTH) == -1.0
-
-
 @pytest.mark.parametrize(
-    ("apart", "closing"),
-    [(50.0 + 50.0j, 20.0 + 20.0j), (12.0j, -5.0j)],
-    ids=["away from each other", "slowly, as in slots"],
+    ("apart", "closing", "way"),
+    [
+        # The other crosses from the right, 5 m in front: the line of sight turns left.
+        pytest.param(55.0 + 50.0j, -20.0 - 20.0j, -1.0, id="from the right"),
+        pytest.param(55.0 - 50.0j, -20.0 + 20.0j, 1.0, id="from the left"),
+        pytest.param(120.0 + 0j, -40.0 + 0j, -1.0, id="head on"),
+        # Who meets nobody may pass on either side.
+        pytest.param(50.0 + 50.0j, 20.0 + 20.0j, 0.0, id="away from each other"),
+        pytest.param(12.0j, -5.0j, 0.0, id="slowly, as in slots"),
+    ],
 )
-def test_who_meets_nobody_may_pass_on_either_side(apart, closing):
-    assert way_of(apart, closing) == 0.0
+def test_two_that_meet_find_the_same_way_for_the_line_of_sight_between_them(apart, closing, way):
+    assert way_of(apart, closing) == way_of(-apart, -closing) == way
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0], ids=["left", "right"])
@@ -189,17 +176,14 @@ def test_both_hold_to_one_side_where_the_other_one_needs_less(side):
     assert agreed.nearest[0] >= FLOOR_M
 
 
-def test_height_between_two_counts_in_the_plane():
+def test_height_between_two_counts_in_the_plane_and_who_is_high_enough_flies_on():
     # 3 m aside, straight ahead all the time; height worth 4 m more: 5 m in all.
-    beside = others(flying(3.0j, NORTH))
+    beside, shape = others(flying(3.0j, NORTH)), (1, len(BEGINNINGS))
     level = closest_approaches(flying(0j, NORTH)[None, :], beside)
-    assert level == pytest.approx(np.full((1, 1, len(BEGINNINGS)), 3.0))
-    above = replace(beside, worth=np.full((1, len(BEGINNINGS)), 4.0))
+    assert level == pytest.approx(np.full((1, *shape), 3.0))
+    above = replace(beside, worth=np.full(shape, 4.0))
     space = closest_approaches(flying(0j, NORTH)[None, :], above)
-    assert space == pytest.approx(np.full((1, 1, len(BEGINNINGS)), 5.0))
-
-
-def test_who_is_high_enough_above_another_flies_on():
+    assert space == pytest.approx(np.full((1, *shape), 5.0))
     meets = others(flying(100.0 + 0j, -NORTH))
     assert cleared(meets).changed
-    assert not cleared(replace(meets, worth=np.full((1, len(BEGINNINGS)), 11.0))).changed
+    assert not cleared(replace(meets, worth=np.full(shape, 11.0))).changed
