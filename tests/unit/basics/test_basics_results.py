@@ -25,50 +25,29 @@ from tests.benchmarks.results import (
     written,
 )
 
-STUDY = Study(
-    columns={
-        "flown": "{case}",
-        "mean": "{mean_m:.2f} m",
-        "worst": "{mean_m.worst:.1f}",
-        "end": "{end}",
-    },
-    command="make results",
-    code=["vfguide"],
-)
+COLUMNS = {
+    "flown": "{case}",
+    "mean": "{mean_m:.2f} m",
+    "worst": "{mean_m.worst:.1f}",
+    "end": "{end}",
+}
+STUDY = Study(columns=COLUMNS, command="make results", code=["vfguide"])
 
 
 def row_of(case="line", commit="aaaa", date="2026-11-28T10:00:00Z", **figures):
-    return Row(
-        case=case,
-        command="make results",
-        commit=commit,
-        date=date,
-        machine="2 processors",
-        load=1.5,
-        figures=figures,
-    )
+    flown = {"case": case, "commit": commit, "date": date, "figures": figures}
+    return Row(**flown, command="make results", machine="2 processors", load=1.5)
 
 
 def test_a_row_flown_by_hand_has_numbers_lists_and_words():
-    words = ["mean_m=0.25", "max_m=1.5,2", "back=never left"]
-    assert dict(map(figure_of, words)) == {
-        "mean_m": 0.25,
-        "max_m": [1.5, 2.0],
-        "back": "never left",
-    }
+    found = dict(map(figure_of, ["mean_m=0.25", "max_m=1.5,2", "back=never left"]))
+    assert found == {"mean_m": 0.25, "max_m": [1.5, 2.0], "back": "never left"}
 
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
-ROWS = st.builds(
-    Row,
-    case=st.text(),
-    command=st.text(),
-    commit=st.text(),
-    date=st.text(),
-    machine=st.text(),
-    load=st.none() | FINITE,
-    figures=st.dictionaries(st.text(), st.none() | FINITE | st.text() | st.lists(FINITE)),
-)
+TEXTS = dict.fromkeys(("case", "command", "commit", "date", "machine"), st.text())
+FIGURES = st.dictionaries(st.text(), st.none() | FINITE | st.text() | st.lists(FINITE))
+ROWS = st.builds(Row, **TEXTS, load=st.none() | FINITE, figures=FIGURES)
 
 
 @pytest.mark.parametrize(
@@ -135,9 +114,11 @@ def test_a_line_that_is_no_row_is_refused_with_its_place(tmp_path_factory, line)
 
 
 def test_only_what_stands_between_the_marks_is_written():
-    page = (
-        "before\n<!-- table one -->\nold\n<!-- end -->\nbetween\n<!-- table two -->\n<!-- end -->\n"
+    one, two = (
+        "before\n<!-- table one -->\nold\n<!-- end -->\n",
+        "<!-- table two -->\n<!-- end -->\n",
     )
+    page = f"{one}between\n{two}"
     anew = written(page, lambda name: f"| {name} |")
     assert anew == page.replace("old\n", "\n| one |\n").replace("two -->\n", "two -->\n\n| two |\n")
     assert written(anew, lambda name: f"| {name} |") == anew
@@ -162,7 +143,7 @@ def test_tables_say_what_their_files_say(page):
 
 
 @pytest.mark.parametrize("name", list(studies()))
-def test_a_study_can_be_measured_and_has_rows_that_fill_its_table(name):
+def test_a_study_can_be_measured_and_has_rows_that_fill_its_table_on_a_page(name):
     study = studies()[name]
     module, _, function = study.measure.partition(":")
     assert not module or callable(getattr(import_module(module), function))
@@ -170,8 +151,4 @@ def test_a_study_can_be_measured_and_has_rows_that_fill_its_table(name):
     assert known.keys() >= set(study.cases)
     assert known
     assert all((ROOT / path).exists() for path in study.code)
-
-
-def test_every_table_stands_on_a_page():
-    texts = "".join(page.read_text(encoding="utf-8") for page in pages())
-    assert [name for name in studies() if f"<!-- table {name} -->" not in texts] == []
+    assert any(f"<!-- table {name} -->" in page.read_text(encoding="utf-8") for page in pages())

@@ -11,7 +11,7 @@ from vfguide.regular_file import read_by_others
 from vfguide.system import SocketSelector, require_linux, run_watching_sockets
 
 
-def test_its_loop_watches_a_socket():
+def test_its_loop_watches_a_socket_and_its_selector_tells_whether_something_has_arrived():
     near, far = socket.socketpair()
 
     async def heard() -> bytes:
@@ -21,13 +21,8 @@ def test_its_loop_watches_a_socket():
         await arrived.wait()
         return near.recv(4)
 
-    with near, far:
-        assert run_watching_sockets(heard()) == b"here"
-
-
-def test_its_selector_tells_whether_something_has_arrived():
-    near, far = socket.socketpair()
     with near, far, SocketSelector() as selector:
+        assert run_watching_sockets(heard()) == b"here"
         selector.register(near, 1)
         assert not selector.select(0)
         far.send(b"here")

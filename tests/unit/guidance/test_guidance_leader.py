@@ -1,26 +1,33 @@
-"""A leader's guidance step, by hand and closed around a kinematic vehicle."""
+"""A leader's guidance step, by hand and closed around a vehicle; all guidance is finite anywhere."""
 
 import math
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.kit.following import follower_step
 from tests.kit.states import Plant, choices, vehicle_at
 from vfguide.guidance.formation import Slot, SlotLimits
 from vfguide.guidance.path import Path
 from vfguide.guidance.sliding_laws import GuidanceSettings, PathGains
+from vfguide.laws.base import FollowerGuidance
 from vfguide.laws.leader import FIRST, LeaderGuidance, LeaderTask, PathField, leader_step
 from vfguide.mission.quantity import Section
 from vfguide.paths.circle import Circle
 from vfguide.paths.line import Line
 from vfguide.paths.racetrack import Racetrack
-from vfguide.state import Airframe, VehicleState
+from vfguide.state import Airframe, LeaderState, VehicleState
 
 HEADING_HOLD, COURSE_HOLD = Airframe(), Airframe(hold="course-hold")
 PERIOD = 0.05
 NORTHBOUND = Line(north=0.0, east=0.0, course=0.0)
 CLOCKWISE = Circle(north=0.0, east=0.0, radius=150.0, direction=1)
-INSIDE = SlotLimits(slot=Slot(forward=0.0, right=67.5), airspeed_min=12.0, airspeed_max=32.0)
+INSIDE, OUTSIDE = (
+    SlotLimits(slot=Slot(forward=0.0, right=right), airspeed_min=12.0, airspeed_max=32.0)
+    for right in (67.5, -70.0)
+)
 
 
 def guide(
@@ -102,3 +109,64 @@ def test_from_anywhere_a_leader_flies_onto_its_path(path, source, north, east, c
             worst = max(worst, abs(guidance.cross_track_error))
     assert worst < 0.5
     assert flyer.speed == pytest.approx(20.0, abs=0.01)
+
+
+REPEATABLE = settings(deadline=None, derandomize=True, database=None, max_examples=150)
+PLACE, ANGLE = st.floats(-1e6, 1e6), st.floats(-1e3, 1e3)
+SPEED, GROUND_SPEED = st.floats(1.0, 100.0), st.floats(0.0, 200.0)
+WIND = st.floats(-100.0, 100.0)
+
+
+@st.composite
+def anywhere(draw: st.DrawFn) -> VehicleState:
+    names = ("wind_north", "wind_east", "wind_rate_north", "wind_rate_east")
+    winds = {name: draw(WIND) for name in (*names, "wind_jerk_north", "wind_jerk_east")}
+    place = {"north": draw(PLACE), "east": draw(PLACE), "course": draw(ANGLE)}
+    air = {"heading": draw(ANGLE), "airspeed": draw(SPEED), "ground_speed": draw(GROUND_SPEED)}
+    return VehicleState(time_s=1.0, **place, **air, **winds)
+
+
+RATE = st.floats(-5.0, 5.0)
+LEADERS = st.builds(
+    LeaderState,
+    time_s=st.floats(-10.0, 1.0),
+    north=PLACE,
+    east=PLACE,
+    course=ANGLE,
+    ground_speed=GROUND_SPEED,
+    acceleration=WIND,
+    turn_rate=RATE,
+    turn_acceleration=RATE,
+)
+
+
+def all_finite(guidance: FollowerGuidance | LeaderGuidance) -> bool:
+    return all(
+        math.isfinite(value)
+        for part in (guidance, guidance.setpoint)
+        for name in part.__struct_fields__
+        if isinstance(value := getattr(part, name), float)
+    )
+
+
+@REPEATABLE
+@given(
+    state=anywhere(),
+    leader=LEADERS,
+    slot=st.builds(Slot, forward=st.floats(-1e4, 1e4), right=st.floats(-1e4, 1e4)),
+    law=st.sampled_from(["slot", "article", "pid", "mpc"]),
+)
+def test_wherever_a_follower_is_its_guidance_is_finite(state, leader, slot, law):
+    for airframe in (HEADING_HOLD, COURSE_HOLD):
+        guidance = follower_step(state, leader, slot, choices(), airframe, period=PERIOD, law=law)
+        assert all_finite(guidance)
+
+
+@REPEATABLE
+@given(
+    state=anywhere(), path=st.sampled_from(PATHS), source=st.sampled_from(["measured", "observer"])
+)
+def test_wherever_a_leader_is_its_guidance_is_finite(state, path, source):
+    task, settings = along(path, INSIDE, OUTSIDE), choices(speed_source=source)
+    for airframe in (HEADING_HOLD, COURSE_HOLD):
+        assert all_finite(guide(state, task, airframe, settings))

@@ -10,7 +10,14 @@ from msgspec.structs import replace
 
 from tests.kit.flight import fly
 from tests.kit.missions import shipped
-from vfguide.guidance.air_data import Calibration, TurnEfficiency, calibrated, learned
+from vfguide.guidance.air_data import (
+    Calibration,
+    CreepingHold,
+    CreepingSpeed,
+    TurnEfficiency,
+    calibrated,
+    learned,
+)
 from vfguide.guidance.airframe import BankLimit, BankMoment
 from vfguide.mission.load import with_overrides
 from vfguide.mission.overrides import Overrides, parse_settings
@@ -207,3 +214,48 @@ def test_a_wind_that_swings_by_metres_a_second_is_no_steady_one():
     known = calibration_after(96.0, swing=3.0)
     assert not known.is_settled
     assert known.scale == pytest.approx(1.0, abs=0.03)
+
+
+HOLD = CreepingHold(share=0.5, time=40.0)
+
+
+class CreepingPlant:
+    """A hold that does just that, at once."""
+
+    def __init__(self, airspeed: float) -> None:
+        self.trim = self.airspeed = airspeed
+
+    def fly(self, asked: float) -> None:
+        self.airspeed = self.trim + HOLD.share * (asked - self.trim)
+        self.trim += (asked - self.trim) * PERIOD / HOLD.time
+
+
+@given(st.lists(st.floats(8.0, 22.0), min_size=1, max_size=60))
+def test_nothing_is_asked_for_beyond_the_limits_and_what_they_leave_is_flown(wanted):
+    speed, plant, limits = (
+        CreepingSpeed(HOLD),
+        CreepingPlant(15.0),
+        {"slowest": 11.0, "fastest": 19.0},
+    )
+    for number, one in enumerate(wanted):
+        asked = speed.asked_for(one, plant.airspeed, number * PERIOD, **limits)
+        plant.fly(asked)
+        assert 11.0 <= asked <= 19.0
+        if 11.0 < asked < 19.0:
+            assert plant.airspeed == pytest.approx(one)
+
+
+@pytest.mark.parametrize(
+    ("reset", "then", "asked"),
+    [
+        pytest.param(True, (16.0, 16.0, 50.0), 16.0, id="another has flown it"),
+        # The trim comes to what was asked for, and not beyond.
+        pytest.param(False, (17.0, 16.0, 1000.0), 17.0, id="a gap"),
+    ],
+)
+def test_after_another_or_a_gap_the_airspeed_of_then_counts(reset, then, asked):
+    speed, limits = CreepingSpeed(HOLD), {"slowest": 5.0, "fastest": 40.0}
+    assert speed.asked_for(16.0, 15.0, 0.0, **limits) == pytest.approx(17.0)
+    if reset:
+        speed.reset()
+    assert speed.asked_for(*then, **limits) == pytest.approx(asked)

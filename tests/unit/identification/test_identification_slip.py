@@ -64,18 +64,14 @@ def test_a_leg_is_what_was_turned_and_what_the_bank_said():
 @pytest.mark.parametrize("trim", [0.0, math.radians(1.0)])
 def test_the_share_that_is_turned_is_found_although_the_roll_is_off_by_a_degree(efficiency, trim):
     found = turn_efficiency(legs_of(circling(efficiency, trim=trim), 1.0))
-    assert found is not None
     assert found.value == pytest.approx(efficiency, abs=0.01)
     assert found.half_width < 0.05
 
 
-def test_a_sensor_that_shows_too_little_makes_turns_seem_tighter():
+def test_a_sensor_that_shows_too_little_makes_turns_seem_tighter_and_its_scale_is_found_in_wind():
     # 18.7 m/s shown of 20: the bank's turn is 20 / 18.7 = 1.07 times as fast by what is shown.
     assert legs_of(circling(1.0), 1.07)[1].by_bank == pytest.approx(0.75 / 1.07, abs=0.01)
-
-
-def test_the_sensors_scale_and_the_noses_lead_are_found_in_wind():
-    # 18.7 m/s shown of 20: 1.0695. The smooth turn rate lags where turns begin and end.
+    # The smooth turn rate lags where turns begin and end.
     scale, lead = scale_and_lead(circling(1.0, bank=3.0 * BANK, shown=18.7, lead_s=0.3))
     assert scale.value == pytest.approx(1.0695, abs=0.005)
     assert lead.value == pytest.approx(0.3, abs=0.05)
@@ -83,13 +79,8 @@ def test_the_sensors_scale_and_the_noses_lead_are_found_in_wind():
 
 
 def test_by_hand_two_turns_of_other_shares_give_their_mean_and_a_wide_interval():
-    legs = [
-        SlipLeg(turned=side * share, by_bank=side, lasts_s=0.0)
-        for side in (1.0, -1.0)
-        for share in (0.7, 0.8)
-    ]
-    found = turn_efficiency(legs)
-    assert found is not None
+    turns = ((side, side * share) for side in (1.0, -1.0) for share in (0.7, 0.8))
+    found = turn_efficiency([SlipLeg(turned=by, by_bank=side, lasts_s=0.0) for side, by in turns])
     assert found.value == pytest.approx(0.75)
     # Residuals 0.05 each, two of four degrees left: sqrt(4 * 0.0025 / 2 / 4) = 0.0354; Student's 95 %: 4.303.
     assert found.half_width == pytest.approx(4.303 * 0.0354, rel=0.01)
@@ -102,14 +93,14 @@ def test_who_hardly_turned_tells_nothing():
 
 
 @pytest.mark.parametrize(
-    ("share", "half_width", "slips"),
-    [(0.745, 0.05, True), (1.0, 0.05, False), (0.88, 0.05, None), (math.nan, 0.05, None)],
+    ("share", "slips", "line"),
+    [
+        *((0.745, True, "  slips: true #"), (1.0, False, "  slips: false #")),
+        *((0.88, None, "  # slips is open"), (math.nan, None, "  # slips is open")),
+    ],
 )
-def test_slips_is_said_only_where_the_interval_leaves_no_doubt(share, half_width, slips):
-    slip = Slip(
-        efficiency=Estimate(value=share, half_width=half_width),
-        lead=Estimate(value=0.1, half_width=0.02),
-    )
+def test_slips_is_said_only_where_the_interval_leaves_no_doubt(share, slips, line):
+    efficiency, lead = Estimate(value=share, half_width=0.05), Estimate(value=0.1, half_width=0.02)
+    slip = Slip(efficiency=efficiency, lead=lead)
     assert slip.slips is slips
-    begins = {True: "  slips: true #", False: "  slips: false #", None: "  # slips is open"}
-    assert slip_line(slip).startswith(begins[slips])
+    assert slip_line(slip).startswith(line)

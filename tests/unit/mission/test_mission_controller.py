@@ -24,21 +24,17 @@ def test_a_mission_without_a_word_about_it_is_flown_by_the_slots_field():
     assert controller.model_dump().items() >= usual.items()
 
 
-def test_gains_of_a_law_stand_beside_what_all_laws_share():
+def test_gains_of_a_law_stand_beside_what_all_laws_share_or_in_a_group_of_its_name():
     controller = controller_of({"type": "pid", "lateral_p_rad_m": 0.3, "kappa": 2.0})
-    assert controller.kappa == 2.0
-    assert controller.lateral_p_rad_m == 0.3
+    assert (controller.kappa, controller.lateral_p_rad_m) == (2.0, 0.3)
     assert controller.longitudinal_d == 5.79
-
-
-def test_a_group_of_its_name_holds_a_laws_gains_too():
     groups = {"pid": {"lateral_p_rad_m": 0.3}, "mpc": {"integral_s": 2.0}}
     assert controller_of({"type": "pid", **groups}).lateral_p_rad_m == 0.3
     assert controller_of({"type": "mpc", **groups}).integral_s == 2.0
-
-
-def test_gains_of_another_law_do_not_count():
+    # Gains of another law do not count.
     assert not hasattr(controller_of({"type": "pid", "k_x": 0.3, "mpc": {}}), "k_x")
+    with pytest.raises(ValidationError, match="pid"):
+        controller_of({"type": "pid", "pid": 3})
 
 
 def test_a_loaded_mission_is_flown_by_another_law_with_the_gains_that_its_file_has_for_it():
@@ -52,11 +48,6 @@ def test_a_loaded_mission_is_flown_by_another_law_with_the_gains_that_its_file_h
     asked = Overrides(controller="pid", settings=((("controller", "lateral_p_rad_m"), 0.5),))
     assert with_overrides(mission, asked).controller.lateral_p_rad_m == 0.5
     assert pickle.loads(pickle.dumps(mission)) == mission  # noqa: S301 - of this test's own making
-
-
-def test_what_is_no_group_is_refused_under_a_laws_name():
-    with pytest.raises(ValidationError, match="pid"):
-        controller_of({"type": "pid", "pid": 3})
 
 
 @pytest.mark.parametrize(

@@ -14,28 +14,21 @@ def faults_with(*changes: tuple[str, str]) -> list[str]:
 
 
 PATHS = "line, circle, helix, racetrack, figure-eight, waypoints, plan"
+F1, OWN = "vehicles.f1.system_id", "give each vehicle its own number from 1 to 254"
+RANGE, ENDS = "vehicles.leader.airspeed_range_m_s", "write [lowest, highest]"
+NAME, LETTERS = "name: circle-wind", "use up to 64 lower-case letters, digits and hyphens"
+LAWS = "did you mean 'slot'? use one of: slot, article, pid, mpc"
 
 
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        (
-            "system_id: 2",
-            "system_id: 1",
-            "vehicles.f1.system_id: 1 is also leader's; give each vehicle its own number from 1 to 254",
-        ),
-        (
-            "system_id: 2",
-            "system_id: 255",
-            (
-                "vehicles.f1.system_id: 255 is also the ground station's; give each vehicle its own number "
-                "from 1 to 254"
-            ),
-        ),
+        ("system_id: 2", "system_id: 1", f"{F1}: 1 is also leader's; {OWN}"),
+        ("system_id: 2", "system_id: 255", f"{F1}: 255 is also the ground station's; {OWN}"),
         (
             "system_id: 2",
             "system_id: 2.0",
-            "vehicles.f1.system_id: 2.0 is not a whole number; write a whole number, without a point",
+            f"{F1}: 2.0 is not a whole number; write a whole number, without a point",
         ),
         ("gain: 0.015", "gian: 0.015", "path.gian: unknown field 'gian'; did you mean 'gain'?"),
         (
@@ -49,36 +42,21 @@ PATHS = "line, circle, helix, racetrack, figure-eight, waypoints, plan"
             f"path.type: 'cirle' is not known; did you mean 'circle'? use one of: {PATHS}",
         ),
         ("type: circle, ", "", f"path.type: is missing; add one of: {PATHS}"),
-        (
-            "type: slot",
-            "type: solt",
-            "controller.type: 'solt' is not known; did you mean 'slot'? use one of: slot, article, pid, mpc",
-        ),
+        ("type: slot", "type: solt", f"controller.type: 'solt' is not known; {LAWS}"),
         (
             "[12, 32]",
             "[32, 12]",
-            (
-                "vehicles.leader.airspeed_range_m_s: the lowest airspeed comes first and must be below "
-                "the highest; write [lowest, highest]"
-            ),
+            f"{RANGE}: the lowest airspeed comes first and must be below the highest; {ENDS}",
         ),
-        (
-            "[12, 32]",
-            "[12]",
-            "vehicles.leader.airspeed_range_m_s: has too few values; write [lowest, highest]",
-        ),
+        ("[12, 32]", "[12]", f"{RANGE}: has too few values; {ENDS}"),
         (
             "airspeed_m_s: 20",
             "airspeed_m_s: 40",
             "leader.airspeed_m_s: 40 m/s is outside the airspeed_range_m_s of 'leader'; choose 12 to 32 m/s",
         ),
+        (NAME, "name: Circle wind", f"name: 'Circle wind' cannot be a name; {LETTERS}"),
         (
-            "name: circle-wind",
-            "name: Circle wind",
-            "name: 'Circle wind' cannot be a name; use up to 64 lower-case letters, digits and hyphens",
-        ),
-        (
-            "name: circle-wind",
+            NAME,
             "name: !!python/object:os.system x",
             "name: tag !!python/object:os.system is not supported; write the plain value",
         ),
@@ -108,11 +86,13 @@ def test_a_wrong_number_gives_one_line(written, expected):
 
 
 def test_all_faults_are_reported_at_once_in_the_order_of_the_file():
-    found = faults_with(
-        ("kappa: 3", "kappa: fast"), ("radius_m", "radius"), ("system_id: 2", "system_id: 1")
-    )
+    slower, wider = ("kappa: 3", "kappa: fast"), ("radius_m", "radius")
+    found = faults_with(slower, wider, ("system_id: 2", "system_id: 1"))
     places = ["path.radius_m", "path.radius", "vehicles.f1.system_id", "controller.kappa"]
     assert [one.split(": ")[1] for one in found] == places
+
+
+F3_SLOT = "forward_m: -40, right_m: 0"
 
 
 @pytest.mark.parametrize(
@@ -122,12 +102,8 @@ def test_all_faults_are_reported_at_once_in_the_order_of_the_file():
         ("vehicle: f3", "vehicle: f4", "vehicles.f3: this vehicle has no role"),
         ("vehicle: f3", "vehicle: f2", "'f2' already flies as followers[1]"),
         ("vehicle: f3", "vehicle: leader", "'leader' already flies as the leader"),
-        (
-            "forward_m: -40, right_m: 0",
-            "forward_m: -20, right_m: 22",
-            "only 2.0 m from followers[1]'s slot",
-        ),
-        ("forward_m: -40, right_m: 0", "forward_m: -1, right_m: 0", "only 1.0 m from the leader"),
+        (F3_SLOT, "forward_m: -20, right_m: 22", "only 2.0 m from followers[1]'s slot"),
+        (F3_SLOT, "forward_m: -1, right_m: 0", "only 1.0 m from the leader"),
         ("    f3: {forward", "    f9: {forward", "'f9' is neither 'leader' nor a follower"),
     ],
 )
@@ -135,12 +111,16 @@ def test_contradictions_between_fields_are_faults(old, new, expected):
     assert any(expected in one for one in faults_with((old, new)))
 
 
-def test_a_field_given_twice_names_both_lines():
+def test_a_name_is_proposed_once():
+    start = ("rehearsal:", "rehearsal:\n  start: {f9: {forward_m: 0, right_m: 0}}\n")
+    found = faults_with(("vehicle: f2", "vehicle: f1"), start)
+    (line,) = (one for one in found if "is neither 'leader' nor a follower" in one)
+    assert line.endswith("use one of: leader, f1, f3")
+
+
+def test_a_field_given_twice_names_both_lines_and_an_empty_section_what_belongs_there():
     found = faults_of("name: a\nname: b\n")
     assert "m.yaml:2: name: given twice, first in line 1; remove one" in found
-
-
-def test_an_empty_section_says_what_belongs_there():
     found = faults_with(("wind: {type: article}", "wind:"))
     line = line_of("wind: {type", text_of("circle-wind"))
     assert found[0].startswith(f"m.yaml:{line}: wind: is left empty")
@@ -167,13 +147,6 @@ def test_a_line_needs_a_course_and_only_one(path, expected):
 def test_a_unit_behind_any_number_is_told(number, unit):
     (line,) = faults_with(("kappa: 3", f"kappa: '{number}{unit}'"))
     assert line.endswith("is not a number; write the number alone, without a unit")
-
-
-def test_a_name_is_proposed_once():
-    start = ("rehearsal:", "rehearsal:\n  start: {f9: {forward_m: 0, right_m: 0}}\n")
-    found = faults_with(("vehicle: f2", "vehicle: f1"), start)
-    (line,) = (one for one in found if "is neither 'leader' nor a follower" in one)
-    assert line.endswith("use one of: leader, f1, f3")
 
 
 @pytest.mark.parametrize(

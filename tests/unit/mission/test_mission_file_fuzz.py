@@ -4,11 +4,12 @@ import copy
 from collections.abc import Iterable
 from typing import Any
 
+import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.kit.missions import MISSION_FILES, loaded
+from tests.kit.missions import MISSION_FILES
 from vfguide.mission import MissionError, check_mission, parse_mission
 from vfguide.mission.overrides import Overrides
 
@@ -39,16 +40,17 @@ structures = st.recursive(
 )
 
 
-def read_and_check(content: bytes) -> None:
+def read_and_check(content: bytes, overrides: Overrides | None = None) -> None:
     """Read the bytes; a mission is checked as well, a fault must be fit to be printed."""
     try:
-        read = loaded(content)
+        read = parse_mission(content, file="m.yaml", overrides=overrides or Overrides())
     except MissionError as error:
         expect_printable(error)
     else:
         for finding in check_mission(read.mission, read.source):
             assert str(finding).isprintable()
-            assert finding.line is not None
+            by_option = overrides is not None and finding.option is not None
+            assert finding.line is not None or by_option
 
 
 def expect_printable(error: MissionError) -> None:
@@ -64,22 +66,18 @@ def as_yaml(tree: object) -> bytes:
     return yaml.safe_dump(tree, allow_unicode=True).encode("utf-8", "surrogatepass")
 
 
+RANDOM = {
+    "bytes": st.binary(max_size=200),
+    "punctuation": st.text(" \n\t-:[]{},&*!|>'\"%@?#~.0aé\\", max_size=60).map(str.encode),
+    "structures": structures.map(as_yaml),
+}
+
+
+@pytest.mark.parametrize("kind", RANDOM)
 @bounded
-@given(st.binary(max_size=200))
-def test_random_bytes(content):
-    read_and_check(content)
-
-
-@bounded
-@given(st.text(alphabet=" \n\t-:[]{},&*!|>'\"%@?#~.0aé\\", max_size=60))
-def test_random_yaml_punctuation(text):
-    read_and_check(text.encode())
-
-
-@bounded
-@given(structures)
-def test_random_structures(tree):
-    read_and_check(as_yaml(tree))
+@given(st.data())
+def test_random_content(kind, data):
+    read_and_check(data.draw(RANDOM[kind]))
 
 
 @bounded
@@ -129,14 +127,7 @@ def test_missions_with_fields_of_the_command_line(data):
         plant=data.draw(st.sampled_from([None, "bank", "course-hold", "no such plant"])),
         duration_s=data.draw(st.none() | st.floats()),
     )
-    try:
-        read = parse_mission(as_yaml(tree), file="m.yaml", overrides=overrides)
-    except MissionError as error:
-        expect_printable(error)
-    else:
-        for finding in check_mission(read.mission, read.source):
-            assert str(finding).isprintable()
-            assert finding.line is not None or finding.option is not None
+    read_and_check(as_yaml(tree), overrides)
 
 
 def locations(tree: object, outer: tuple[Any, ...] = ()) -> Iterable[tuple[Any, ...]]:
@@ -170,8 +161,7 @@ def mutate(tree: object, data: st.DataObject) -> None:
     if action == "delete":
         del group[key]
     elif action == "rename" and isinstance(group, dict):
-        group[data.draw(names | st.text(max_size=6) | st.integers() | st.booleans())] = group.pop(
-            key
-        )
+        other = names | st.text(max_size=6) | st.integers() | st.booleans()
+        group[data.draw(other)] = group.pop(key)
     else:
         group[key] = data.draw(structures)

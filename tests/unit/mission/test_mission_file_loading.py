@@ -13,9 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.kit.missions import LEAST, MISSION_FILES, MISSIONS, faults_of, loaded, shipped
-from vfguide.errors import InputError
 from vfguide.mission import MissionError, load_mission, read_mission
-from vfguide.mission.feasibility import follower_start, leader_start, path_beginning
+from vfguide.mission.feasibility import follower_start, leader_start
 from vfguide.mission.rehearsal import ArticleWind, CalmWind
 from vfguide.mission.schema import SCHEMA_FILE, mission_schema, schema_text
 from vfguide.mission.yaml_tree import read_tree
@@ -44,9 +43,7 @@ acceptance: {mean_error_m: 0.3, settle_10m_s: 60}
 
 
 def with_path(path: str) -> LineShape | CircleShape:
-    shape = loaded(LEAST.replace("{type: line, course_deg: 90}", path)).mission.path
-    assert isinstance(shape, LineShape | CircleShape)
-    return shape
+    return loaded(LEAST.replace("{type: line, course_deg: 90}", path)).mission.path
 
 
 def test_these_missions_are_shipped():
@@ -66,12 +63,16 @@ def test_the_documented_example_loads():
     assert [one.slot.forward_m for one in mission.followers] == [-20.0, -20.0, -40.0]
 
 
-def test_a_leader_alone_with_everything_else_left_out_is_a_mission():
+def test_a_leader_alone_with_everything_else_left_out_is_a_mission_that_cannot_be_changed():
     mission = loaded(LEAST).mission
     assert mission.followers == ()
     assert isinstance(mission.wind, CalmWind)
     assert (mission.rehearsal.rate_hz, mission.controller.kappa) == (20.0, 3.0)
     assert mission.height_above_origin_m == 100.0
+    patience = {"telemetry_s": 1.0, "leader_s": 0.6, "prediction_s": 30.0, "breakaway_s": 25.0}
+    assert mission.patience.model_dump().items() >= patience.items()
+    with pytest.raises(ValueError, match="frozen"):
+        mission.name = "other"
 
 
 def test_a_byte_order_mark_and_windows_line_ends_do_no_harm():
@@ -81,7 +82,6 @@ def test_a_byte_order_mark_and_windows_line_ends_do_no_harm():
 
 def test_numbers_may_be_written_with_an_exponent_and_no_point():
     path = with_path("{type: line, course_deg: 9e1, gain: 3e-2}")
-    assert isinstance(path, LineShape)
     assert (path.course_deg, path.gain) == (90.0, 0.03)
 
 
@@ -96,7 +96,6 @@ def test_numbers_may_be_written_with_an_exponent_and_no_point():
 )
 def test_a_slope_and_an_intercept_stand_for_a_point_and_a_course(fields, east_m, course_deg):
     path = with_path(f"{{type: line, {fields}}}")
-    assert isinstance(path, LineShape)
     assert path.point.east_m == east_m
     assert path.course_deg == pytest.approx(course_deg)
 
@@ -105,23 +104,22 @@ def test_each_field_is_found_on_its_line():
     source = read_mission(MISSION_FILES[0]).source
     lines = MISSION_FILES[0].read_text().splitlines()
     line = source.line_of(("vehicles", "f2", "system_id"))
-    assert line is not None
     assert lines[line - 1].lstrip().startswith("f2:")
     assert source.line_of(("controller", "rho")) == source.line_of(("controller",))
 
 
-def test_a_leader_begins_thirty_metres_right_of_its_path():
-    mission = loaded(LEAST).mission
-    start = leader_start(mission)
-    assert (start.north_m, start.east_m) == pytest.approx((-30.0, 0.0))
-    assert start.course_deg == 90.0
-
-
-def test_a_circle_begins_where_it_passes_nearest_to_the_origin():
-    path = with_path("{type: circle, centre: {north_m: 150, east_m: 0}, radius_m: 100}")
-    beginning = path_beginning(path)
-    assert (beginning.north_m, beginning.east_m) == pytest.approx((50.0, 0.0))
-    assert beginning.course_deg == pytest.approx(270.0)
+@pytest.mark.parametrize(
+    ("path", "north_m", "east_m", "course_deg"),
+    [
+        ("{type: line, course_deg: 90}", -30.0, 0.0, 90.0),
+        # Where it passes nearest to the origin, 50 m north of it, and flies west.
+        ("{type: circle, centre: {north_m: 150, east_m: 0}, radius_m: 100}", 80.0, 0.0, 270.0),
+    ],
+)
+def test_a_leader_begins_thirty_metres_right_of_its_path(path, north_m, east_m, course_deg):
+    start = leader_start(loaded(LEAST.replace("{type: line, course_deg: 90}", path)).mission)
+    assert (start.north_m, start.east_m) == pytest.approx((north_m, east_m))
+    assert start.course_deg == pytest.approx(course_deg)
 
 
 def test_a_given_start_counts_from_the_slot_in_the_course_frame_of_the_leader():
@@ -135,26 +133,14 @@ def test_a_given_start_counts_from_the_slot_in_the_course_frame_of_the_leader():
 def test_default_starts_lie_out_of_place_and_no_closer_together_than_the_slots():
     mission = loaded(CONTRACT_EXAMPLE).mission
     leader = leader_start(mission)
-    slots, starts = [], []
+    pairs = []
     for one in mission.followers:
-        place = leader.shifted(forward_m=one.slot.forward_m, right_m=one.slot.right_m)
+        slot = leader.shifted(forward_m=one.slot.forward_m, right_m=one.slot.right_m)
         start = follower_start(mission, one.vehicle)
-        starts.append((start.north_m, start.east_m))
-        slots.append((place.north_m, place.east_m))
-        assert 50.0 <= math.dist(starts[-1], slots[-1]) <= 100.0
-    for one, other in combinations(range(3), 2):
-        in_formation = math.dist(slots[one], slots[other])
-        assert math.dist(starts[one], starts[other]) >= in_formation - 1e-9
-
-
-def test_a_mission_cannot_be_changed_after_it_is_read():
-    mission = loaded(LEAST).mission
-    with pytest.raises(ValueError, match="frozen"):
-        mission.name = "other"
-
-
-def test_a_faulty_mission_is_an_input_error():
-    assert issubclass(MissionError, InputError)
+        pairs.append([(place.north_m, place.east_m) for place in (slot, start)])
+        assert 50.0 <= math.dist(*pairs[-1]) <= 100.0
+    for (slot, start), (other_slot, other_start) in combinations(pairs, 2):
+        assert math.dist(start, other_start) >= math.dist(slot, other_slot) - 1e-9
 
 
 @pytest.mark.parametrize("file", MISSION_FILES, ids=lambda file: file.stem)
@@ -174,12 +160,6 @@ def test_a_file_of_ones_own_goes_before_a_mission_of_its_name(tmp_path, monkeypa
     assert load_mission(Path("circle-wind")).name == "alone"
 
 
-def test_a_mission_that_says_nothing_has_the_usual_patience():
-    patience = loaded(LEAST).mission.patience
-    assert (patience.telemetry_s, patience.leader_s) == (1.0, 0.6)
-    assert (patience.prediction_s, patience.breakaway_s) == (30.0, 25.0)
-
-
 def test_the_patience_that_is_given_counts_and_the_rest_is_as_usual():
     patience = loaded(f"{LEAST}patience: {{prediction_s: 5, breakaway_s: 0}}").mission.patience
     assert (patience.leader_s, patience.prediction_s, patience.breakaway_s) == (0.6, 5.0, 0.0)
@@ -188,26 +168,14 @@ def test_the_patience_that_is_given_counts_and_the_rest_is_as_usual():
 @pytest.mark.parametrize(
     ("field", "values"),
     [
-        ("telemetry_s", ["0"]),
-        ("leader_s", ["0", "-1"]),
-        ("prediction_s", ["0", "3600.1", ".inf"]),
-        ("breakaway_s", ["-0.1", "3601", ".nan", "'5'"]),
-        ("patient", ["3"]),
+        *(("telemetry_s", "0"), ("leader_s", "0 -1"), ("prediction_s", "0 3600.1 .inf")),
+        *(("breakaway_s", "-0.1 3601 .nan '5'"), ("patient", "3")),
     ],
 )
 def test_a_patience_that_cannot_be_had_is_refused_by_name(field, values):
-    for value in values:
+    for value in values.split():
         with pytest.raises(MissionError, match=rf"patience\.{field}"):
             loaded(f"{LEAST}patience: {{{field}: {value}}}")
-
-
-def test_the_shipped_schema_is_the_one_the_model_amounts_to():
-    # python -c "from vfguide.mission.schema import *; print(schema_text(), end='')" renews it
-    assert (MISSIONS / SCHEMA_FILE).read_text(encoding="utf-8") == schema_text()
-
-
-def test_the_schema_is_itself_valid():
-    jsonschema.Draft202012Validator.check_schema(mission_schema())
 
 
 @pytest.mark.parametrize("file", MISSION_FILES, ids=lambda file: file.stem)
@@ -233,7 +201,10 @@ def undescribed(node: object, place: str = "") -> list[str]:
     return sum(inner, bare)
 
 
-def test_every_field_of_the_schema_is_described():
+def test_the_shipped_schema_is_valid_and_the_one_the_model_amounts_to_with_all_fields_described():
+    # python -c "from vfguide.mission.schema import *; print(schema_text(), end='')" renews it
+    assert (MISSIONS / SCHEMA_FILE).read_text(encoding="utf-8") == schema_text()
+    jsonschema.Draft202012Validator.check_schema(mission_schema())
     assert undescribed(mission_schema()) == []
 
 
@@ -247,18 +218,13 @@ followers: [{vehicle: two, slot: {forward_m: -20, right_m: 20}}]
 
 
 def test_every_vehicle_has_the_defaults_that_it_does_not_give_itself():
-    text = HEAD + (
-        "vehicles:\n"
-        "  defaults: {alpha_1_s: 0.9, max_bank_deg: 40}\n"
-        "  one: {system_id: 1}\n"
-        "  two: {system_id: 2, max_bank_deg: 30}\n"
+    found = loaded(
+        f"{HEAD}vehicles:\n  defaults: {{alpha_1_s: 0.9, max_bank_deg: 40}}\n"
+        "  one: {system_id: 1}\n  two: {system_id: 2, max_bank_deg: 30}\n"
     )
-    found = loaded(text)
     vehicles = found.mission.vehicles
-    assert list(vehicles) == ["one", "two"]
-    one, two = vehicles.values()
-    assert (one.alpha_1_s, one.max_bank_deg) == (0.9, 40.0)
-    assert (two.alpha_1_s, two.max_bank_deg) == (0.9, 30.0)
+    told = {name: (one.alpha_1_s, one.max_bank_deg) for name, one in vehicles.items()}
+    assert told == {"one": (0.9, 40.0), "two": (0.9, 30.0)}
     assert found.source.line_of(("vehicles", "one", "max_bank_deg")) == 7
     assert found.source.line_of(("vehicles", "two", "max_bank_deg")) == 9
 

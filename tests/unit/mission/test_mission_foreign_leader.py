@@ -11,6 +11,8 @@ from vfguide.mission.load import shipped_missions
 from vfguide.mission.model import Mission
 from vfguide.mission.yaml_tree import read_tree
 
+FOREIGN = ("connection", "system_id", "least_delay_s")
+
 
 def content(**leader: Any) -> dict[str, Any]:
     tree = read_tree(shipped_missions()["foreign-leader"].read_text(encoding="utf-8")).data
@@ -26,7 +28,7 @@ def faults(data: dict[str, Any]) -> str:
     return "\n".join(f"{dotted(one.location)}: {one.message}; {one.remedy}" for one in found)
 
 
-def test_it_needs_no_name_no_vehicle_and_no_path():
+def test_it_needs_no_name_no_vehicle_and_no_path_and_followers_alone_have_companions():
     data = content()
     del data["path"]
     mission = Mission.model_validate(data)
@@ -34,10 +36,7 @@ def test_it_needs_no_name_no_vehicle_and_no_path():
     assert mission.leader_vehicle.system_id == 7
     assert mission.leader.airspeed_m_s == 20.0
     assert mission.path.type == "line"
-
-
-def test_the_first_follower_keeps_the_time_and_followers_alone_have_companions():
-    mission = Mission.model_validate(content())
+    # The first follower keeps the time.
     assert mission.timekeeper == "f1"
     assert mission.companions == ("f1", "f2", "f3")
 
@@ -56,11 +55,6 @@ def test_a_ground_station_may_lead_and_no_other_vehicle_has_its_number():
     assert "255 is also the ground station's" in faults(data)
 
 
-def test_other_leaders_still_need_name_airspeed_and_path():
-    data = content(follows="companion", connection=None, system_id=None, least_delay_s=None)
-    assert "leader.vehicle" in faults(data)
-
-
 @pytest.mark.parametrize(
     ("leader", "told"),
     [
@@ -71,6 +65,8 @@ def test_other_leaders_still_need_name_airspeed_and_path():
         ({"icao_address": 5}, "leader.icao_address: a leader that followers hear by"),
         ({"follows": "adsb", "system_id": None}, "leader.icao_address: needed"),
         ({"least_delay_s": -1.0}, "leader.least_delay_s"),
+        # Other leaders still need name, airspeed and path.
+        ({**dict.fromkeys(FOREIGN), "follows": "companion"}, "leader.vehicle"),
     ],
 )
 def test_what_does_not_fit_is_told(leader, told):

@@ -1,7 +1,4 @@
-"""Other paths of a mission: looked at before the flight, ordered, refused where none can fly them.
-
-Every slot is held against the fence along the whole path, and rooms are those worked out by hand.
-"""
+"""Other paths of a mission, easements and fences, with rooms worked out by hand."""
 
 import json
 import math
@@ -15,6 +12,7 @@ from pydantic import ValidationError
 
 from tests.kit.missions import (
     MISSIONS,
+    content_of,
     faults_of,
     line_of,
     loaded,
@@ -52,31 +50,29 @@ def mission(paths: dict[str, Any], *orders: dict[str, Any], **sections: Any) -> 
     return replaced("shapes", paths=paths, orders=orders, **sections)
 
 
-def ordered(one: Mission, **order: Any) -> Any:
+def ordered(
+    one: Mission, order: Order, leader: LeaderPlace | None = HERE, time_s: float = 30
+) -> Any:
     """The arrangement of an order from the beginning."""
     formation = formation_of_mission(one)
-    return resolve(one, Order(**order), formation, number=1, time_s=30.0, leader=HERE)[0]
+    return resolve(one, order, formation, number=1, time_s=time_s, leader=leader)[0]
 
 
-def test_every_companion_knows_all_paths():
-    one = mission({"wide": WIDE})
+def test_every_companion_knows_all_paths_and_check_says_which_cannot_be_flown():
+    one = mission({"wide": WIDE, "tight": TIGHT})
     for name in ("leader", "f3"):
-        assert set(flight_plan(one, name).paths) == {"main", "wide"}
+        assert set(flight_plan(one, name).paths) == {"main", "wide", "tight"}
+    errors = [found for found in check_mission(one) if found.severity == "error"]
+    assert errors
+    assert all("on the path 'tight': " in found.message for found in errors)
 
 
 def test_the_turns_onto_a_path_suit_every_slot():
-    found = ordered(mission({"wide": WIDE}), path="wide")
+    found = ordered(mission({"wide": WIDE}), Order(path="wide"))
     assert (found.path, found.flown) == ("wide", Manoeuvre.FORMATION)
     # At 20 + 8 m/s over ground and two thirds of 45 degrees r = 28² / (g tan 30°) = 138.5 m; f3 is 40 m
     # outside, so that R² - r R - 40 r = 0: R = 170.9 m.
     assert found.turn_radius_m == pytest.approx(171.0)
-
-
-def test_check_says_which_path_cannot_be_flown():
-    found = check_mission(mission({"wide": WIDE, "tight": TIGHT}))
-    errors = [one for one in found if one.severity == "error"]
-    assert errors
-    assert all("on the path 'tight': " in one.message for one in errors)
 
 
 KEPT_IN = {"circles": [{"inclusion": True, "centre": {"north_m": 0, "east_m": 0}, "radius_m": 700}]}
@@ -91,7 +87,7 @@ KEPT_IN = {"circles": [{"inclusion": True, "centre": {"north_m": 0, "east_m": 0}
 )
 def test_an_order_of_a_path_that_cannot_be_flown_is_refused_in_a_sentence(path, sections, sentence):
     with pytest.raises(RefusedOrderError, match=sentence):
-        ordered(mission({"other": path}, **sections), path="other")
+        ordered(mission({"other": path}, **sections), Order(path="other"))
 
 
 def test_a_hold_in_the_time_table_is_where_the_other_path_has_led():
@@ -99,7 +95,6 @@ def test_a_hold_in_the_time_table_is_where_the_other_path_has_led():
     (first, _), (held, _) = timetable(one)
     assert (first.path, held.path) == ("wide", "wide")
     hold = held.circle
-    assert hold is not None
     # Along the line it would be 1270 m north; round the circle no more than 800 m and the hold's width.
     north, _ = flight_plan(one, "leader").frame.to_local(hold.latitude_deg, hold.longitude_deg)
     assert -100.0 < north < 1100.0
@@ -115,40 +110,37 @@ def read(paths: str, orders: str = "[]") -> list[str]:
 @pytest.mark.parametrize(
     ("paths", "text"),
     [
-        ("{main: {type: line, course_deg: 0}}", "paths.main: `main` is the name of `path`"),
-        ("{Survey: {type: line, course_deg: 0}}", "'Survey' cannot be a name"),
-        ("{survey: {type: ring}}", "paths.survey.type: 'ring' is not known"),
-        ("{survey: {type: line, course_deg: north}}", "paths.survey.course_deg: 'north' is not"),
-        ("{survey: {type: plan, file: none.plan}}", "paths.survey.file"),
+        ("main: {type: line, course_deg: 0}", "paths.main: `main` is the name of `path`"),
+        ("Survey: {type: line, course_deg: 0}", "'Survey' cannot be a name"),
+        ("survey: {type: ring}", "paths.survey.type: 'ring' is not known"),
+        ("survey: {type: line, course_deg: north}", "paths.survey.course_deg: 'north' is not"),
+        ("survey: {type: plan, file: none.plan}", "paths.survey.file"),
     ],
 )
 def test_a_faulty_path_is_told_with_its_place(paths, text):
-    (line,) = read(paths)
+    (line,) = read(f"{{{paths}}}")
     assert text in line
 
 
 @pytest.mark.parametrize(
-    ("orders", "text"),
+    ("first", "second", "text"),
     [
         (
-            "[{at_s: 30, shape: vee}, {at_s: 30, action: hold}]",
-            "orders[1].at_s: 30 s is no later than the 30 s of the order before",
+            "shape: vee",
+            "action: hold",
+            "[1].at_s: 30 s is no later than the 30 s of the order before",
         ),
-        (
-            "[{at_s: 30, leave: [f1]}, {at_s: 60, leave: [f1]}]",
-            "orders[1].leave: 'f1' has left the formation",
-        ),
-        ("[{at_s: 30, join: [f1]}]", "orders[0].join: 'f1' is in the formation already"),
-        (
-            "[{at_s: 30, leave: [f2]}, {at_s: 60, swap: [f1, f2]}]",
-            "orders[1].swap: 'f2' has left the formation",
-        ),
-        ("[{at_s: 30, swap: [f1, f9]}]", "orders[0].swap: 'f9' is no follower"),
-        ("[{at_s: 30, action: abort, shape: vee}]", "an abort stands alone"),
+        ("leave: [f1]", "leave: [f1]", "[1].leave: 'f1' has left the formation"),
+        ("leave: [f2]", "swap: [f1, f2]", "[1].swap: 'f2' has left the formation"),
+        ("join: [f1]", None, "[0].join: 'f1' is in the formation already"),
+        ("swap: [f1, f9]", None, "[0].swap: 'f9' is no follower"),
+        ("action: abort, shape: vee", None, "an abort stands alone"),
     ],
 )
-def test_orders_that_contradict_each_other_are_refused_with_their_place(orders, text):
-    (line,) = read("{}", orders)
+def test_orders_that_contradict_each_other_are_refused_with_their_place(first, second, text):
+    later = 30 if "no later" in text else 60
+    orders = [f"{{at_s: 30, {first}}}", *([f"{{at_s: {later}, {second}}}"] if second else [])]
+    (line,) = read("{}", f"[{', '.join(orders)}]")
     assert text in line
 
 
@@ -175,6 +167,8 @@ ORIGIN = {"latitude_deg": 47.397752, "longitude_deg": 8.545594, "altitude_amsl_m
 def test_another_curve_has_another_check(change, sections, is_same):
     other = check_of({"wide": {**WIDE, **change}}, **sections)
     assert (other == check_of({"wide": WIDE})) is is_same
+    # A mission in which no path can be ordered compares none.
+    assert set(shipped("circle-wind").path_checks.values()) == {0}
 
 
 def test_a_plan_is_told_by_its_route_and_not_by_the_name_of_its_file(tmp_path):
@@ -216,10 +210,6 @@ def test_sets_have_no_order_and_what_is_no_plain_data_is_an_error_with_its_remed
         curve_check(Own(what=object()), origin, 100.0)
 
 
-def test_a_mission_in_which_no_path_can_be_ordered_compares_none():
-    assert set(shipped("circle-wind").path_checks.values()) == {0}
-
-
 @pytest.mark.parametrize(("at_s", "severity"), [(410, "warning"), (420, "error"), (500, "error")])
 def test_an_order_that_the_rehearsal_never_comes_to_is_an_error(at_s, severity):
     # It lasts 420 s; one that begins in it and does not end in it is worth a warning.
@@ -232,8 +222,7 @@ def test_a_time_table_is_flown_until_its_last_order_has_settled():
     last, _ = timetable(shapes := shipped("shapes"))[-1]
     assert flown_s(shapes) == pytest.approx(360.0 + last.duration_s + 15.0)
     assert flown_s(mission({})) == 60.0
-    late = {"at_s": 900, "shape": "trail", "spacing_m": 20}
-    assert flown_s(mission({}, late)) == 600.0
+    assert flown_s(mission({}, {"at_s": 900, "shape": "trail", "spacing_m": 20})) == 600.0
 
 
 def test_a_time_table_is_flown_until_all_have_come_to_the_height_of_another_path():
@@ -256,30 +245,25 @@ def file_with(leg_m: float, radius_m: float, easement: str = "") -> str:
     return CIRCLE.replace(circle, racetrack)
 
 
-def easement_of(text: str) -> float:
-    path = loaded(text).mission.path
-    assert isinstance(path, RacetrackShape)
-    return path.easement_m
-
-
 @pytest.mark.parametrize(
-    ("leg_m", "radius_m", "easement_m"),
-    [(600, 150, 100.0), (60, 150, 60.0), (600, 80, 80.0), (70, 80, 70.0), (100.5, 100.5, 100.0)],
+    ("leg_m", "radius_m", "given_m", "easement_m"),
+    [
+        *((600, 150, None, 100.0), (60, 150, None, 60.0), (600, 80, None, 80.0)),
+        *((70, 80, None, 70.0), (100.5, 100.5, None, 100.0)),
+        *((60, 150, 0.0, 0.0), (60, 150, 30.0, 30.0), (60, 150, 60.0, 60.0)),
+    ],
 )
-def test_an_easement_that_is_not_given_is_as_long_as_fits_up_to_a_hundred_metres(
-    leg_m, radius_m, easement_m
+def test_an_easement_is_the_given_one_or_as_long_as_fits_up_to_a_hundred_metres(
+    leg_m, radius_m, given_m, easement_m
 ):
-    assert easement_of(file_with(leg_m, radius_m)) == easement_m
-
-
-@pytest.mark.parametrize("easement_m", [0.0, 30.0, 60.0])
-def test_an_easement_that_is_given_and_fits_is_taken(easement_m):
-    assert easement_of(file_with(60, 150, f"  easement_m: {easement_m}\n")) == easement_m
+    given = "" if given_m is None else f"  easement_m: {given_m}\n"
+    path = loaded(file_with(leg_m, radius_m, given)).mission.path
+    assert isinstance(path, RacetrackShape)
+    assert path.easement_m == easement_m
 
 
 @pytest.mark.parametrize(
-    ("leg_m", "radius_m", "easement_m", "longest"),
-    [(60, 150, 61, "60"), (600, 82.5, 100, "82.5")],
+    ("leg_m", "radius_m", "easement_m", "longest"), [(60, 150, 61, "60"), (600, 82.5, 100, "82.5")]
 )
 def test_one_that_is_too_long_is_a_fault_of_its_own_line(leg_m, radius_m, easement_m, longest):
     text = file_with(leg_m, radius_m, f"  easement_m: {easement_m}\n")
@@ -290,56 +274,49 @@ def test_one_that_is_too_long_is_a_fault_of_its_own_line(leg_m, radius_m, easeme
     )
 
 
-def test_a_radius_that_is_no_number_is_the_only_fault_where_no_easement_is_given():
-    faults = faults_of(file_with(60, 150).replace("radius_m: 150", "radius_m: wide"))
+def test_a_radius_that_is_no_number_is_the_only_fault_and_a_remedy_from_a_description_one_line():
+    text = file_with(60, 150)
+    faults = faults_of(text.replace("radius_m: 150", "radius_m: wide"))
     assert [fault.split(": ")[1] for fault in faults] == ["path.radius_m"]
-
-
-def test_a_remedy_that_is_a_fields_description_is_one_line():
-    faults = "\n".join(faults_of(file_with(60, 150).replace("  leg_m: 60\n", "")))
+    faults = "\n".join(faults_of(text.replace("  leg_m: 60\n", "")))
     assert "path.leg_m: is missing; add it: " in faults
     assert "\\u000a" not in faults
 
 
-SQUARE = [
-    {"north_m": north, "east_m": east}
-    for north, east in ((-100, -100), (100, -100), (100, 100), (-100, 100))
-]
+CORNERS = ((-100, -100), (100, -100), (100, 100), (-100, 100))
+SQUARE = [{"north_m": north, "east_m": east} for north, east in CORNERS]
+NOTCHED = [*SQUARE[:2], {"north_m": 0, "east_m": 0}, *SQUARE[2:]]
+IN, OUT, NOTCH = (
+    {"polygons": [one]}
+    for one in ({"points": SQUARE}, {"points": SQUARE, "inclusion": False}, {"points": NOTCHED})
+)
+CIRCLES = {
+    "circles": [
+        {"centre": {"north_m": 0, "east_m": 0}, "radius_m": 500},
+        {"centre": {"north_m": 0, "east_m": 100}, "radius_m": 20, "inclusion": False},
+    ]
+}
 
 
-def room(fence: dict[str, Any], north: float, east: float) -> float:
+@pytest.mark.parametrize(
+    ("fence", "north", "east", "room"),
+    [
+        # To the nearest edge.
+        *((IN, 0.0, 70.0, 30.0), (IN, 0.0, 130.0, -30.0), (IN, 130.0, 140.0, -50.0)),
+        *((OUT, 0.0, 70.0, -30.0), (OUT, 130.0, 140.0, 50.0)),
+        # The notch of a polygon is outside.
+        *((NOTCH, 60.0, 0.0, -60.0 / math.sqrt(2.0)), (NOTCH, -50.0, 0.0, 50.0)),
+        # Of all areas the one with the least room counts.
+        *((CIRCLES, 0.0, 50.0, 30.0), (CIRCLES, 0.0, -460.0, 40.0)),
+    ],
+)
+def test_the_room_in_a_fence_is_that_to_the_nearest_edge_of_its_areas(fence, north, east, room):
     found = Fence.model_validate(fence).room(np.array([north]), np.array([east]), None)
-    return float(found[0])
+    assert found[0] == pytest.approx(room)
 
 
 def findings_of(mission: Mission) -> list[Finding]:
     return [*beyond_the_fence(mission, conditions_of(mission.path, mission.wind))]
-
-
-def test_the_room_in_a_polygon_is_that_to_its_nearest_edge():
-    square = {"polygons": [{"points": SQUARE}]}
-    assert room(square, 0.0, 70.0) == pytest.approx(30.0)
-    assert room(square, 0.0, 130.0) == pytest.approx(-30.0)
-    assert room(square, 130.0, 140.0) == pytest.approx(-50.0)
-    keep_out = {"polygons": [{"points": SQUARE, "inclusion": False}]}
-    assert room(keep_out, 0.0, 70.0) == pytest.approx(-30.0)
-    assert room(keep_out, 130.0, 140.0) == pytest.approx(50.0)
-
-
-def test_the_notch_of_a_polygon_is_outside():
-    notched = [*SQUARE[:2], {"north_m": 0, "east_m": 0}, *SQUARE[2:]]
-    fence = {"polygons": [{"points": notched}]}
-    assert room(fence, 60.0, 0.0) == pytest.approx(-60.0 / math.sqrt(2.0))
-    assert room(fence, -50.0, 0.0) == pytest.approx(50.0)
-
-
-def test_of_all_areas_the_one_with_the_least_room_counts():
-    circles = [
-        {"centre": {"north_m": 0, "east_m": 0}, "radius_m": 500},
-        {"centre": {"north_m": 0, "east_m": 100}, "radius_m": 20, "inclusion": False},
-    ]
-    assert room({"circles": circles}, 0.0, 50.0) == pytest.approx(30.0)
-    assert room({"circles": circles}, 0.0, -460.0) == pytest.approx(40.0)
 
 
 @pytest.mark.parametrize(
@@ -363,10 +340,8 @@ def test_a_fence_that_the_leader_keeps_to_is_left_by_the_outermost_slot(
         rehearsal={},
         fence=fence if max_height_m is None else {**fence, "max_height_m": max_height_m},
     )
-    told = findings_of(mission)
-    assert len(told) == len(found)
-    for one, words in zip(told, found, strict=True):
-        assert f"{one.severity}: {one.field}: {one.message}".find(words) >= 0
+    for one, words in zip(findings_of(mission), found, strict=True):
+        assert words in f"{one.severity}: {one.field}: {one.message}"
 
 
 def test_the_radius_of_fillets_leaves_every_slot_bank_and_airspeed():
@@ -385,9 +360,8 @@ def test_the_radius_of_fillets_leaves_every_slot_bank_and_airspeed():
 
 
 def test_a_mission_file_can_hold_a_fence_by_latitude_and_longitude(tmp_path):
-    content = shipped("circle-calm").model_dump(mode="json", exclude_unset=True)
-    origin = content["origin"]
-    centre = {name: origin[name] for name in ("latitude_deg", "longitude_deg")}
+    content = content_of("circle-calm", "json")
+    centre = {name: content["origin"][name] for name in ("latitude_deg", "longitude_deg")}
     content["fence"] = {"circles": [{"centre": centre, "radius_m": 50}]}
     file = tmp_path / "fenced.yaml"
     file.write_text(yaml.safe_dump(content), encoding="utf-8")
@@ -410,17 +384,14 @@ def test_a_mission_file_can_hold_a_fence_by_latitude_and_longitude(tmp_path):
 )
 def test_an_order_that_leads_out_of_the_fence_is_refused(order, leader, sentence):
     fence = {"circles": [{"centre": {"north_m": 150, "east_m": 0}, "radius_m": 205}]}
-    mission = replaced("circle-calm", fence=fence)
-    formation = formation_of_mission(mission)
     refusal = pytest.raises(RefusedOrderError, match=sentence) if sentence else nullcontext()
     with refusal:
-        resolve(mission, order, formation, number=1, time_s=5.0, leader=leader)
+        ordered(replaced("circle-calm", fence=fence), order, leader, time_s=5.0)
 
 
 def test_the_edge_of_an_area_is_closed():
-    corners = [{"north_m": north, "east_m": east} for north, east in ((0, 0), (90, 0), (90, 80))]
-    north, east = FencePolygon.model_validate({"points": corners}).edge(None)
-    assert (north.tolist(), east.tolist()) == ([0.0, 90.0, 90.0, 0.0], [0.0, 0.0, 80.0, 0.0])
+    north, east = FencePolygon.model_validate({"points": SQUARE[:3]}).edge(None)
+    assert (north.tolist(), east.tolist()) == ([-100, 100, 100, -100], [-100, -100, 100, -100])
     around = {"centre": {"north_m": 10, "east_m": 20}, "radius_m": 5}
     north, east = FenceCircle.model_validate(around).edge(None)
     assert (north[0], east[0]) == pytest.approx((north[-1], east[-1]))

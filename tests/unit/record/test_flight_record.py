@@ -1,7 +1,4 @@
-"""A record comes back from its file as it was, and a bad file gives one line.
-
-How a vehicle was finally flown, in a companion's file and in a flight's record.
-"""
+"""A record comes back from its file as it was, and a bad file gives one line."""
 
 import contextlib
 import json
@@ -22,18 +19,8 @@ from vfguide.lab.report.page import write_report
 from vfguide.lab.report.wording import response_words, verdict_text
 from vfguide.record.archive import write_archive
 from vfguide.record.flight import FlightRecord, Outline, RecordAcceptance
-from vfguide.record.latency import (
-    Latency,
-    Percentiles,
-    Promptness,
-    Usage,
-    latency_of,
-)
-from vfguide.record.response import (
-    RESPONSES,
-    VehicleResponse,
-    read_response,
-)
+from vfguide.record.latency import Latency, Percentiles, Promptness, Usage, latency_of
+from vfguide.record.response import RESPONSES, VehicleResponse, read_response
 from vfguide.record.vehicle import SERIES
 
 numbers = st.just(float("nan")) | st.floats(-1e14, 1e14)
@@ -68,13 +55,10 @@ def some_flight(samples: int = 3, value: float = 0.5, mission: str = "circle") -
     )
 
 
-acceptances = st.builds(
-    RecordAcceptance, mean_error_m=limits, settle_1m_s=limits, min_separation_m=figures
-)
 records = st.builds(
     lambda flight, acceptance, seed: replace(flight, acceptance=acceptance, seed=seed),
     st.builds(some_flight, st.integers(0, 5), numbers, names),
-    acceptances,
+    st.builds(RecordAcceptance, mean_error_m=limits, settle_1m_s=limits, min_separation_m=figures),
     st.integers(0, 2**32),
 )
 
@@ -110,26 +94,27 @@ def test_the_same_record_gives_the_same_bytes_however_long_the_flight_took(tmp_p
         contents.add((tmp_path / "flight.npz").read_bytes())
     assert len(contents) == 1
     assert FlightRecord.load(tmp_path / "flight.npz").wall_s is None
+    assert [path.name for path in tmp_path.iterdir()] == ["flight.npz"]
 
 
-def test_latencies_and_the_fact_that_a_flight_was_stopped_come_back(tmp_path):
-    quick = Percentiles(p50=0.3, p99=2.0, max=9.0)
-    latency = Latency(
-        vehicles={
-            "leader": Promptness(response_ms=quick, leader_age_ms=None),
-            "f1": Promptness(response_ms=quick, leader_age_ms=Percentiles(p50=50, p99=60, max=70)),
-        },
-        processes={"companion of f1": Usage(cpu_share=0.03, rss_mb=70.5)},
-    )
-    flight = replace(some_flight(), interrupted=True, latency=latency)
-    flight.save(tmp_path / "flight.npz")
+def test_what_only_some_flights_have_comes_back(tmp_path):
+    quick, old = Percentiles(p50=0.3, p99=2.0, max=9.0), Percentiles(p50=50, p99=60, max=70)
+    vehicles = {
+        "leader": Promptness(response_ms=quick, leader_age_ms=None),
+        "f1": Promptness(response_ms=quick, leader_age_ms=old),
+    }
+    processes = {"companion of f1": Usage(cpu_share=0.03, rss_mb=70.5)}
+    latency = Latency(vehicles=vehicles, processes=processes)
+    edge = Outline(kind="fence", north_m=np.array([0.0, 9.0]), east_m=np.array([1.0, 2.0]))
+    other = Outline(kind="path", north_m=np.array([5.0]), east_m=np.array([6.0]))
+    flown = replace(some_flight(), interrupted=True, latency=latency, outlines=(edge, other))
+    flown.save(tmp_path / "flight.npz")
     loaded = FlightRecord.load(tmp_path / "flight.npz")
     assert (loaded.interrupted, loaded.latency) == (True, latency)
-
-
-def test_saving_leaves_no_other_file_behind(tmp_path):
-    some_flight().save(tmp_path / "flight.npz")
-    assert [path.name for path in tmp_path.iterdir()] == ["flight.npz"]
+    drawn = [(one.kind, one.north_m.tolist(), one.east_m.tolist()) for one in loaded.outlines]
+    assert drawn == [("fence", [0.0, 9.0], [1.0, 2.0]), ("path", [5.0], [6.0])]
+    with pytest.raises(ValueError, match="as many norths as easts"):
+        Outline(kind="fence", north_m=np.zeros(2), east_m=np.zeros(3))
 
 
 def complaint(path: Path) -> str:
@@ -145,11 +130,15 @@ def test_what_is_no_record_is_refused_and_pickled_objects_are_never_loaded(tmp_p
     np.save(tmp_path / "one.npy", np.zeros(3))
     np.savez(tmp_path / "other.npz", weights=np.zeros(3))
     np.savez(tmp_path / "pickle.npz", description=np.array([{"a": 1}], dtype=object))
+    write_archive(tmp_path / "new.npz", {"format": "vfguide-flight-record", "version": 99}, {})
     assert "No such file" in complaint(tmp_path / "absent.npz")
     assert "directory" in complaint(tmp_path)
     assert "single NumPy array" in complaint(tmp_path / "one.npy")
     assert "no description" in complaint(tmp_path / "other.npz")
     assert "no flight record" in complaint(tmp_path / "pickle.npz")
+    assert "version 99" in complaint(tmp_path / "new.npz")
+    with pytest.raises(InputError, match="cannot be written"):
+        some_flight().save(tmp_path / "absent" / "flight.npz")
 
 
 @pytest.mark.parametrize(
@@ -158,11 +147,6 @@ def test_what_is_no_record_is_refused_and_pickled_objects_are_never_loaded(tmp_p
 def test_other_bytes_are_no_record(tmp_path, content):
     (tmp_path / "flight.npz").write_bytes(content)
     assert "no flight record" in complaint(tmp_path / "flight.npz")
-
-
-def test_a_newer_version_is_refused(tmp_path):
-    write_archive(tmp_path / "new.npz", {"format": "vfguide-flight-record", "version": 99}, {})
-    assert "version 99" in complaint(tmp_path / "new.npz")
 
 
 def change(path: Path, **changes: object) -> None:
@@ -175,26 +159,19 @@ def change(path: Path, **changes: object) -> None:
     np.savez(path, description=np.array(json.dumps(description | changes)), **arrays)
 
 
+RESPONSE = {"name": "leader", "role": "leader", "response": {"alpha_1_s": math.nan}}
+
+
 @pytest.mark.parametrize(
     "damage",
     [
-        {"vehicles": []},
-        {"vehicles": 3},
-        {"acceptance": None},
-        {"acceptance": {"mean_error_m": "x"}},
-        {"mode": "asleep"},
-        {"rate_hz": "fast"},
-        {"seed": None},
-        {"seed": 1e999},
-        {"rate_hz": 1e308},
-        {"duration_s": 1e308},
-        {"time_s": np.array([1e308])},
+        *({"vehicles": []}, {"vehicles": 3}, {"vehicles": [RESPONSE]}),
+        *({"acceptance": None}, {"acceptance": {"mean_error_m": "x"}}, {"mode": "asleep"}),
+        *({"rate_hz": "fast"}, {"rate_hz": 1e308}, {"seed": None}, {"seed": 1e999}),
+        *({"duration_s": 1e308}, {"time_s": np.array([1e308])}),
         {"vehicle_0_north_m": np.array([-1e308])},
-        {"outlines": ["wall"]},
-        {"outlines": [["fence"]]},
-        {"outlines": "fence"},
+        *({"outlines": ["wall"]}, {"outlines": [["fence"]]}, {"outlines": "fence"}),
         {"outlines": ["fence"] * 1001},
-        {"vehicles": [{"name": "leader", "role": "leader", "response": {"alpha_1_s": math.nan}}]},
     ],
 )
 def test_a_damaged_description_is_told_in_one_line(tmp_path, damage):
@@ -221,24 +198,18 @@ def test_a_record_with_wrong_bytes_loads_or_is_refused(tmp_path, data):
         FlightRecord.load(path)
 
 
-@given(
-    header=st.binary(max_size=40)
-    | st.text("(){}',:<>|fi8 0123456789shapedecrOTu", max_size=40).map(str.encode)
-)
+WORDS = st.text("(){}',:<>|fi8 0123456789shapedecrOTu", max_size=40).map(str.encode)
+
+
+@given(header=st.binary(max_size=40) | WORDS)
 @one_place(100)
 @example(header=b"0L")  # a number of Python 2
 def test_an_array_with_a_wrong_header_is_refused(tmp_path, header):
     path = tmp_path / "flight.npz"
+    content = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr(
-            "description.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
-        )
+        archive.writestr("description.npy", content)
     assert "no flight record" in complaint(path)
-
-
-def test_a_place_that_is_not_there_is_an_input_error(tmp_path):
-    with pytest.raises(InputError, match="cannot be written"):
-        some_flight().save(tmp_path / "absent" / "flight.npz")
 
 
 FLIGHT = some_flight()
@@ -261,33 +232,15 @@ def test_a_record_needs_one_leader_first_names_of_its_own_and_ascending_times(ch
 
 def test_a_small_file_that_would_grow_beyond_all_flights_is_refused_unread(tmp_path):
     path = tmp_path / "flight.npz"
-    piece = bytes(16 * 1024**2)
     with (
         zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
         archive.open("time_s.npy", "w", force_zip64=True) as member,
     ):
         for _ in range(65):
-            member.write(piece)
+            member.write(bytes(16 * 1024**2))
     assert path.stat().st_size < 3e6
     with pytest.raises(InputError, match="unpacked it would be 1091 MB, more than 1074 MB"):
         FlightRecord.load(path)
-
-
-def test_fence_and_other_paths_come_back(tmp_path):
-    edge = Outline(kind="fence", north_m=np.array([0.0, 9.0]), east_m=np.array([1.0, 2.0]))
-    other = Outline(kind="path", north_m=np.array([5.0]), east_m=np.array([6.0]))
-    replace(some_flight(), outlines=(edge, other)).save(tmp_path / "flight.npz")
-
-    loaded = FlightRecord.load(tmp_path / "flight.npz").outlines
-
-    assert [one.kind for one in loaded] == ["fence", "path"]
-    assert loaded[0].north_m.tolist() == [0.0, 9.0]
-    assert loaded[1].east_m.tolist() == [6.0]
-
-
-def test_a_drawn_line_has_as_many_norths_as_easts():
-    with pytest.raises(ValueError, match="as many norths as easts"):
-        Outline(kind="fence", north_m=np.zeros(2), east_m=np.zeros(3))
 
 
 TIME = np.arange(0.0, 4.0)
@@ -305,10 +258,8 @@ LEARNED = VehicleResponse(
     turn_efficiency=0.81,
     max_bank_deg=22.0,
 )
-
-DECLARED = VehicleResponse(
-    alpha_1_s=1.0, course_dead_time_s=0.0, course_lag_s=0.0, slips=False, max_bank_deg=45.0
-)
+PROMPT = {"alpha_1_s": 1.0, "course_dead_time_s": 0.0, "course_lag_s": 0.0, "slips": False}
+DECLARED = VehicleResponse(**PROMPT, max_bank_deg=45.0)
 
 SENTENCE = (
     "alpha 0.40 (0.32 to 0.50) 0.3 s late, declared 1.00; beta 0.32 (0.16 to 0.64) 0.5 s late,"
@@ -322,25 +273,17 @@ def flight(**given):
 
 def test_the_last_response_that_was_flown_by_is_read(tmp_path):
     file = tmp_path / "f1.response.csv"
-    first = VehicleResponse(alpha_1_s=1.2, slips=True)
-    file.write_bytes(
-        RESPONSES.header
-        + RESPONSES.encode(first, time_s=0.1)
-        + RESPONSES.encode(LEARNED, time_s=9.0)
-        + b"12.0,0"
-    )
+    first = RESPONSES.encode(VehicleResponse(alpha_1_s=1.2, slips=True), time_s=0.1)
+    file.write_bytes(RESPONSES.header + first + RESPONSES.encode(LEARNED, time_s=9.0) + b"12.0,0")
     assert read_response(file) == LEARNED
     assert read_response(tmp_path / "none.csv") is None
 
 
-def test_a_record_keeps_how_it_was_flown_and_what_was_declared(tmp_path):
-    flight(response=LEARNED, declared=DECLARED).save(tmp_path / "flight.npz")
+def test_a_record_and_its_report_have_the_learned_response_beside_the_declared(tmp_path):
+    record = flight(response=LEARNED, declared=DECLARED)
+    record.save(tmp_path / "flight.npz")
     leader = FlightRecord.load(tmp_path / "flight.npz").leader
     assert (leader.response, leader.declared) == (LEARNED, DECLARED)
-
-
-def test_a_report_says_the_learned_response_beside_the_declared(tmp_path):
-    record = flight(response=LEARNED, declared=DECLARED)
     summary = summarise(record)
     assert response_words(summary.vehicles["leader"]) == SENTENCE
     assert f"leader: {SENTENCE}" in verdict_text(summary).plain
@@ -351,47 +294,34 @@ def test_a_report_says_the_learned_response_beside_the_declared(tmp_path):
 
 
 def test_a_response_that_was_right_is_one_word_and_of_a_log_nothing_is_said():
-    right = VehicleResponse(
-        alpha_1_s=1.0, course_dead_time_s=0.0, course_lag_s=0.0, course_spread=1.1, slips=False
-    )
+    right = VehicleResponse(**PROMPT, course_spread=1.1)
     told = summarise(flight(response=right, declared=DECLARED)).vehicles["leader"]
     assert response_words(told) == "alpha 1.00 as declared; beta not told"
     assert response_words(summarise(flight(declared=DECLARED)).vehicles["leader"]) is None
 
 
+def figures_of(**figures: tuple[float, float, float]) -> dict[str, float]:
+    names = ("p50", "p99", "max")
+    return {f"{one}_{name}": figures[one][at] for one in figures for at, name in enumerate(names)}
+
+
+F1 = figures_of(response_ms=(0.3, 2.0, 9.0), leader_age_ms=(50.0, 60.0, 70.0))
 FIGURES = {
-    "leader": {"response_ms_p50": 0.2, "response_ms_p99": 3.0, "response_ms_max": 4.0},
-    "f1": {
-        "response_ms_p50": 0.3,
-        "response_ms_p99": 2.0,
-        "response_ms_max": 9.0,
-        "leader_age_ms_p50": 50.0,
-        "leader_age_ms_p99": 60.0,
-        "leader_age_ms_max": 70.0,
-    },
+    "leader": figures_of(response_ms=(0.2, 3.0, 4.0)),
+    "f1": F1,
     "f2": {"response_ms_max": 0.0, "leader_age_ms_max": 0.0},
 }
 
 
-def latency() -> Latency:
-    return latency_of(
-        FIGURES, leader="leader", processes={"judge": Usage(cpu_share=0.1, rss_mb=80.0)}
-    )
-
-
-def test_what_companions_say_becomes_percentiles():
-    vehicles = latency().vehicles
-    assert vehicles["f1"].response_ms == Percentiles(p50=0.3, p99=2.0, max=9.0)
-    assert vehicles["f1"].leader_age_ms == Percentiles(p50=50.0, p99=60.0, max=70.0)
-
-
-def test_a_leader_has_no_age_and_a_companion_that_never_steered_has_nothing():
-    said = {**FIGURES["f1"]}
-    assert latency_of({"leader": said}, leader="leader").vehicles["leader"].leader_age_ms is None
-    assert latency().vehicles["f2"] == Promptness(response_ms=None, leader_age_ms=None)
-
-
-def test_together_no_companion_is_worse():
-    together = latency().together()
+def test_what_companions_say_becomes_percentiles_and_together_none_is_worse():
+    processes = {"judge": Usage(cpu_share=0.1, rss_mb=80.0)}
+    latency = latency_of(FIGURES, leader="leader", processes=processes)
+    old = Percentiles(p50=50.0, p99=60.0, max=70.0)
+    assert latency.vehicles["f1"].response_ms == Percentiles(p50=0.3, p99=2.0, max=9.0)
+    assert latency.vehicles["f1"].leader_age_ms == old
+    # A leader has no age, and a companion that never steered has nothing.
+    assert latency_of({"leader": F1}, leader="leader").vehicles["leader"].leader_age_ms is None
+    assert latency.vehicles["f2"] == Promptness(response_ms=None, leader_age_ms=None)
+    together = latency.together()
     assert together.response_ms == Percentiles(p50=0.3, p99=3.0, max=9.0)
-    assert together.leader_age_ms == Percentiles(p50=50.0, p99=60.0, max=70.0)
+    assert together.leader_age_ms == old

@@ -61,15 +61,10 @@ def until(happened: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
-STEP = GuidanceStep(
-    time_s=101.0, mode="tracking", course_rad=0.5, speed_m_s=21.0, limited=False, lyapunov_m2=0.25
-)
-
-
 def test_what_was_recorded_is_in_the_files_before_the_recording_ends(mission, tmp_path):
     recording = begin_recording(tmp_path, mission, "f1", clock_s=100.0)
     recording.add_datagram(101.0, HEARTBEAT + HEARTBEAT)
-    recording.add_step(STEP)
+    recording.add_step(step(101.0))
     tlog, guidance = files_of(recording.directory, "f1")
     until(lambda: len(list(read_tlog(tlog))) == 2)
     until(lambda: read_guidance(guidance).at(101.0) is not None)
@@ -95,31 +90,21 @@ def test_every_start_has_a_directory_of_its_own(mission, tmp_path):
 @pytest.mark.parametrize("place", ["file", "file/below", "/proc/none"])
 def test_a_place_that_takes_nothing_is_one_line_at_the_start(mission, tmp_path, place):
     (tmp_path / "file").touch()
-    with pytest.raises(
-        InputError, match=r"cannot be recorded to .*another directory with --record"
-    ):
+    words = r"cannot be recorded to .*another directory with --record"
+    with pytest.raises(InputError, match=words):
         begin_recording(tmp_path / place, mission, "f1", clock_s=0.0)
 
 
-def test_a_start_that_failed_leaves_no_directory(mission, tmp_path, monkeypatch):
-    def full(_file: GrowingFile, _content: bytes) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(GrowingFile, "append", full)
-    with pytest.raises(InputError, match=r"No space left on device.*make room"):
-        begin_recording(tmp_path, mission, "f1", clock_s=0.0)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_name_with_a_slash_stays_below_its_directory(mission, tmp_path):
-    vehicles = {**mission.vehicles, "../../f1": mission.vehicles["f1"]}
-    odd = mission.model_copy(update={"vehicles": vehicles})
-    recording = begin_recording(tmp_path, odd, "../../f1", clock_s=0.0)
-    recording.close()
-    assert recording.directory.parent == tmp_path
-    assert all(
-        path.parent == recording.directory for path in files_of(recording.directory, "../../f1")
+    name = "../../f1"
+    odd = mission.model_copy(
+        update={"vehicles": {**mission.vehicles, name: mission.vehicles["f1"]}}
     )
+    recording = begin_recording(tmp_path, odd, name, clock_s=0.0)
+    recording.close()
+    directory = recording.directory
+    assert directory.parent == tmp_path
+    assert {path.parent for path in files_of(directory, name)} == {directory}
 
 
 class FullDisk:
@@ -135,6 +120,13 @@ class FullDisk:
         count = self.write(descriptor, content[: self.room])
         self.room -= count
         return count
+
+
+def test_a_start_that_failed_leaves_no_directory(mission, tmp_path, monkeypatch):
+    monkeypatch.setattr("vfguide.record.recording.os.write", FullDisk(room=0))
+    with pytest.raises(InputError, match=r"No space left on device.*make room"):
+        begin_recording(tmp_path, mission, "f1", clock_s=0.0)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_full_disk_is_told_once_and_leaves_whole_entries(tmp_path, monkeypatch):
@@ -174,8 +166,7 @@ def test_an_entry_that_cannot_be_encoded_is_told_and_those_after_it_are_written(
 
 def test_a_disk_that_hangs_delays_nobody_and_what_is_dropped_is_counted(tmp_path):
     file = GrowingFile(tmp_path / "some.file")
-    released = threading.Event()
-    began = threading.Event()
+    began, released = threading.Event(), threading.Event()
 
     def hang() -> bytes:
         began.set()
@@ -192,10 +183,8 @@ def test_a_disk_that_hangs_delays_nobody_and_what_is_dropped_is_counted(tmp_path
     writer.close()
     assert (tmp_path / "some.file").read_bytes() == b"x" + bytes(range(5))
     assert writer.missing == 15
-    assert writer.news() == [
-        f"not recording: the disk is too slow; {REMEDY}",
-        "recording again, 15 entries lost: nothing to do",
-    ]
+    slow = f"not recording: the disk is too slow; {REMEDY}"
+    assert writer.news() == [slow, "recording again, 15 entries lost: nothing to do"]
 
 
 def test_a_file_that_is_there_is_not_written_to(tmp_path):
@@ -208,15 +197,8 @@ def test_a_file_that_is_there_is_not_written_to(tmp_path):
 
 
 def step(time_s: float, mode: str = "tracking") -> GuidanceStep:
-    return GuidanceStep(
-        time_s=time_s,
-        mode=mode,
-        course_rad=0.5,
-        speed_m_s=21.0,
-        limited=True,
-        lyapunov_m2=0.25,
-        formation_time_s=7.5,
-    )
+    fields = {"limited": True, "lyapunov_m2": 0.25, "formation_time_s": 7.5}
+    return GuidanceStep(time_s=time_s, mode=mode, course_rad=0.5, speed_m_s=21.0, **fields)
 
 
 def values(steps: GuidanceStep | Sequence[GuidanceStep] | None) -> str:
@@ -229,15 +211,18 @@ def written(path: Path, *steps: GuidanceStep) -> Path:
     return path
 
 
-def test_the_newest_step_that_is_not_later_counts(tmp_path):
-    file = written(tmp_path / "f1.csv", step(100.0, "joining"), step(100.05))
-    track = read_guidance(file)
-    assert track.at(99.99) is None
-    assert values(track.at(100.0)) == values(step(100.0, "joining"))
-    assert values(track.at(100.049)) == values(step(100.0, "joining"))
-    assert values(track.at(500.0)) == values(step(100.05))
+def test_the_newest_step_that_is_not_later_counts_and_starts_make_one_track(tmp_path):
+    first, second = written(tmp_path / "1.csv", step(100.0, "joining")), tmp_path / "2.csv"
+    for track in (
+        read_guidance(written(second, step(100.05)), first),
+        read_guidance(written(tmp_path / "f1.csv", step(100.0, "joining"), step(100.05))),
+    ):
+        assert track.at(99.99) is None
+        assert values(track.at(100.0)) == values(step(100.0, "joining"))
+        assert values(track.at(100.049)) == values(step(100.0, "joining"))
+        assert values(track.at(500.0)) == values(step(100.05))
     # Times count from where the flight began.
-    assert values(read_guidance(file, zero_s=90.0).at(10.0)) == values(step(10.0, "joining"))
+    assert values(read_guidance(first, zero_s=90.0).at(10.0)) == values(step(10.0, "joining"))
 
 
 @pytest.mark.parametrize("file", ["absent.csv", "/dev/zero"])
@@ -245,13 +230,16 @@ def test_a_file_that_is_not_there_or_has_no_end_leaves_nothing(tmp_path, file):
     assert read_guidance(tmp_path / file).at(1.0) is None
 
 
-def test_what_was_not_sent_stays_unknown(tmp_path):
+def test_what_was_not_sent_who_has_left_and_which_path_is_followed_are_kept(tmp_path):
     nothing = {"course_rad": math.nan, "speed_m_s": math.nan, "lyapunov_m2": math.nan}
-    unsent = replace(step(1.0, "waiting"), limited=False, **nothing)
-    found = read_guidance(written(tmp_path / "f1.csv", unsent)).at(1.0)
-    assert found is not None
-    assert math.isnan(found.course_rad)
-    assert found.limited is False
+    steps = [
+        replace(step(0.5, "waiting"), limited=False, **nothing),
+        step(1.0),
+        replace(step(2.0), path="survey"),
+        replace(step(3.0), path=None),
+        replace(step(4.0), left=True, path=None),
+    ]
+    assert values(read_guidance(written(tmp_path / "f1.csv", *steps)).steps) == values(steps)
 
 
 SLOT = {"slot_forward_m": -20.0, "slot_right_m": 10.0, "slot_up_m": 0.0}
@@ -274,22 +262,25 @@ def test_the_age_of_what_was_heard_holds_until_the_next_step_and_not_over_a_gap(
     assert age_series(GuidanceTrack(steps[:1]), moments) == {}
 
 
-def test_a_slot_counts_from_the_order_on_and_is_the_missions_before():
-    ordered = [replace(step(2.0), **SLOT), replace(step(4.0), **SLOT | {"slot_right_m": 20.0})]
-    moments = np.array([0.0, 2.0, 3.0, 9.0])
-    series = slot_series(GuidanceTrack([step(1.0), *ordered]), moments, (-20.0, 5.0, 0.0))
-    assert series["slot_right_series_m"].tolist() == [5.0, 10.0, 15.0, 20.0]
-    assert slot_series(GuidanceTrack([step(1.0)]), moments, (-20.0, 5.0, 0.0)) == {}
+NAN = math.nan
+ORDERED = [replace(step(2.0), **SLOT), replace(step(4.0), **SLOT | {"slot_right_m": 20.0})]
+SLOTTED = [replace(step(time_s), **SLOT) for time_s in (1.0, 4.0)]
+LEFT = [replace(step(time_s), left=True) for time_s in (2.0, 2.5)]
 
 
-def test_that_a_vehicle_has_left_and_which_path_is_followed_are_kept(tmp_path):
-    steps = [
-        step(1.0),
-        replace(step(2.0), path="survey"),
-        replace(step(3.0), path=None),
-        replace(step(4.0), left=True, path=None),
-    ]
-    assert values(read_guidance(written(tmp_path / "f1.csv", *steps)).steps) == values(steps)
+@pytest.mark.parametrize(
+    ("steps", "moments", "rights"),
+    [
+        ([step(1.0), *ORDERED], [0.0, 2.0, 3.0, 9.0], [5.0, 10.0, 15.0, 20.0]),
+        # Who has left has none until it is given one again.
+        ([SLOTTED[0], *LEFT, SLOTTED[1]], [0, 1.5, 2, 3, 4, 5], [5, 10, NAN, NAN, 10, 10]),
+        ([step(1.0), *LEFT], [0, 1.5, 2, 3, 4, 5], [5, 5, NAN, NAN, NAN, NAN]),
+    ],
+)
+def test_a_slot_counts_from_the_order_on_and_is_the_missions_before(steps, moments, rights):
+    series = slot_series(GuidanceTrack(steps), np.array(moments), (-20.0, 5.0, 0.0))
+    assert np.array_equal(series["slot_right_series_m"], rights, equal_nan=True)
+    assert slot_series(GuidanceTrack([step(1.0)]), np.array(moments), (-20.0, 5.0, 0.0)) == {}
 
 
 def test_files_of_earlier_versions_are_read_as_of_a_formation_on_its_first_path(tmp_path):
@@ -311,30 +302,20 @@ def test_of_a_file_that_grows_the_newest_steps_are_read_and_no_half_line(tmp_pat
 
 
 @given(content=st.binary(max_size=300))
-def test_whatever_a_growing_file_holds_nothing_breaks(tmp_path_factory, content):
-    path = tmp_path_factory.mktemp("log") / "f1.csv"
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+def test_any_bytes_are_read_or_left_alone(tmp_path, content):
+    path = tmp_path / "any.csv"
     path.write_bytes(STEPS.header + content + b"\n")
     assert all(math.isfinite(one.time_s) for one in read_newest(path).steps)
-
-
-def test_who_has_left_has_no_slot_until_it_is_given_one_again():
-    slotted = [replace(step(time_s), **SLOT) for time_s in (1.0, 4.0)]
-    left = [replace(step(time_s), left=True) for time_s in (2.0, 2.5)]
-    moments, nan = np.array([0.0, 1.5, 2.0, 3.0, 4.0, 5.0]), math.nan
-    for steps, rights in (
-        ([slotted[0], *left, slotted[1]], [5.0, 10.0, nan, nan, 10.0, 10.0]),
-        ([step(1.0), *left], [5.0, 5.0, nan, nan, nan, nan]),
-    ):
-        series = slot_series(GuidanceTrack(steps), moments, (-20.0, 5.0, 0.0))
-        assert np.array_equal(series["slot_right_series_m"], rights, equal_nan=True)
+    path.write_bytes(b"time_s,mode,course_rad,speed_m_s,limited,lyapunov_m2\n" + content)
+    read_guidance(path).at(0.0)
 
 
 def test_what_a_vehicle_led_by_is_known_while_it_led_and_at_its_own_time():
-    places = [
-        {"lead_time_s": time_s, "lead_north_m": 20.0 * time_s, "lead_east_m": 0.0}
-        for time_s in (1.0, 1.5)
+    steps = [
+        replace(step(at + 0.1), **LED, lead_time_s=at, lead_north_m=20.0 * at, lead_east_m=0.0)
+        for at in (1.0, 1.5)
     ]
-    steps = [replace(step(one["lead_time_s"] + 0.1), **LED, **one) for one in places]
     series = lead_series(GuidanceTrack([step(0.1), *steps]), np.array([0.5, 1.25, 2.0]), 488.0)
     assert np.array_equal(series["lead_north_m"], [np.nan, 25.0, np.nan], equal_nan=True)
     assert series["lead_term"][1] == 2.0
@@ -348,18 +329,3 @@ def test_of_a_file_that_is_cut_off_anywhere_the_whole_lines_are_read(tmp_path):
     for left_out in range(1, second + 1):
         path.write_bytes(content[:-left_out])
         assert values(read_guidance(path).at(9.0)) == values(step(1.0))
-
-
-def test_the_starts_of_one_companion_make_one_track(tmp_path):
-    first, second = written(tmp_path / "1.csv", step(1.0)), written(tmp_path / "2.csv", step(5.0))
-    track = read_guidance(second, first)
-    assert values(track.at(4.9)) == values(step(1.0))
-    assert values(track.at(5.0)) == values(step(5.0))
-
-
-@given(content=st.binary(max_size=300))
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-def test_any_bytes_are_read_or_left_alone(tmp_path, content):
-    path = tmp_path / "any.csv"
-    path.write_bytes(b"time_s,mode,course_rad,speed_m_s,limited,lyapunov_m2\n" + content)
-    read_guidance(path).at(0.0)

@@ -16,18 +16,11 @@ DATA = bytes(range(1, 41))
 class Listener:
     """Notes what it hears, and speaks at one time."""
 
-    def __init__(
-        self,
-        air: RadioAir,
-        speaks_s: float | None = None,
-        *,
-        offset_s: float = 0.0,
-        rate: float = 1.0,
-    ) -> None:
+    def __init__(self, air: RadioAir, speaks_s: float | None = None, **clock: float) -> None:
         self.heard: list[tuple[float, bytes]] = []
         self._air = air
         self._turn = None if speaks_s is None else Turn(at_s=speaks_s)
-        self.radio: EmulatedRadio = air.add(self, offset_s=offset_s, rate=rate)
+        self.radio: EmulatedRadio = air.add(self, **({"offset_s": 0.0, "rate": 1.0} | clock))
 
     def begin(self, now: float) -> None:
         self.began_s = now

@@ -1,9 +1,4 @@
-"""The emulator of a live flight is started by a file: it must be the aircraft that lockstep flies.
-
-Rehearsals begin at the heights that vehicles have.
-
-An order to join is rehearsed from where the vehicle is.
-"""
+"""The aircraft of rehearsals, lockstep and live: how they are, where they begin, what is recorded of them."""
 
 import math
 import time
@@ -41,16 +36,9 @@ from vfguide.mission.order_plan import LeaderPlace
 from vfguide.mission.place import Fence
 from vfguide.state import Setpoint
 
-UNUSUAL_VEHICLE = {
-    "autopilot": "px4",
-    "alpha_1_s": 0.9,
-    "beta_1_s": 0.7,
-    "airspeed_range_m_s": [13, 29],
-    "max_bank_deg": 40,
-    "max_acceleration_m_s2": 1.7,
-    "climb_range_m_s": [-2, 2.5],
-    "height_delay_s": 1.5,
-}
+UNUSUAL_VEHICLE = {"autopilot": "px4", "alpha_1_s": 0.9, "beta_1_s": 0.7, "max_bank_deg": 40}
+UNUSUAL_VEHICLE |= {"airspeed_range_m_s": [13, 29], "max_acceleration_m_s2": 1.7}
+UNUSUAL_VEHICLE |= {"climb_range_m_s": [-2, 2.5], "height_delay_s": 1.5}
 UNUSUAL_EMULATOR = {
     "plant": "bank",
     "vehicles": {"f1": {"roll_time_s": 0.35, "height_delay_s": 1.2}},
@@ -85,18 +73,11 @@ def emulator_by_command(
     served: list[Any] = []
     monkeypatch.setattr(cli, "serve_all", lambda fleet, *_arguments, **_named: served.extend(fleet))
     monkeypatch.setattr(cli, "run", lambda _service, _on_hangup: None)
-    command = emulator_command(
-        mission,
-        name,
-        file=file,
-        mavlink="udpout://127.0.0.1:14540",
-        truth="udpout://127.0.0.1:14541",
-        epoch_s=time.time(),
-        speedup=1.0,
-    )
+    urls = {"mavlink": "udpout://127.0.0.1:14540", "truth": "udpout://127.0.0.1:14541"}
+    clock = {"epoch_s": time.time(), "speedup": 1.0}
+    command = emulator_command(mission, name, file=file, **urls, **clock)
     cli.app(command[command.index("sitl_stub") + 1 :], standalone_mode=False)
     ((emulated, _address),) = served
-    assert isinstance(emulated, Autopilot)
     return emulated
 
 
@@ -110,15 +91,9 @@ def test_a_live_flight_flies_the_aircraft_that_lockstep_flies(name, tmp_path, mo
     assert live.advance(6.0) == lockstep.advance(6.0)
 
 
-REAL_RESPONSE = {
-    "alpha_1_s": 0.4,
-    "beta_1_s": 0.3,
-    "airspeed_range_m_s": [14, 27],
-    "max_bank_deg": 33,
-    "max_acceleration_m_s2": 1.1,
-    "climb_range_m_s": [-1.5, 2],
-    "height_delay_s": 3.5,
-}
+REAL_RESPONSE = {"alpha_1_s": 0.4, "beta_1_s": 0.3, "airspeed_range_m_s": [14, 27]}
+REAL_RESPONSE |= {"max_bank_deg": 33, "max_acceleration_m_s2": 1.1}
+REAL_RESPONSE |= {"climb_range_m_s": [-1.5, 2], "height_delay_s": 3.5}
 
 
 def emulated_mission(emulator: dict[str, Any], duration_s: float = 20.0) -> Mission:
@@ -182,11 +157,8 @@ def test_one_vehicle_can_differ_from_the_others():
     assert {name: one.alpha_1_s for name, one in plants.items()} == bandwidths
     assert {one.guided_p_cdeg_rad for one in plants.values()} == {9000.0}
     assert [name for name, one in plants.items() if one.kind == "bank"] == ["f2"]
-    assert plants["f2"].roll_time_s == 0.8
-    assert plants["f3"].roll_time_s == 0.4
-
-
-def test_what_one_vehicle_cannot_fly_is_refused_in_its_own_place():
+    assert (plants["f2"].roll_time_s, plants["f3"].roll_time_s) == (0.8, 0.4)
+    # What it cannot fly is refused in its own place.
     impossible = {"plant": "course-hold", "speed_response": "tecs"}
     mission = emulated_mission({"vehicles": {"f2": impossible}})
     emulator_of(mission, "f1")
@@ -202,9 +174,7 @@ def test_a_formation_begins_as_far_above_its_flying_height_as_its_leader():
     assert follower_start(mission, "f1").up_m == pytest.approx(152.0)
     assert follower_start(mission, "f2").up_m == pytest.approx(145.0)
     assert emulator_of(mission, "f1").truth().altitude_amsl_m == pytest.approx(488 + 100 + 152)
-
-
-def test_check_begins_at_the_height_of_the_path():
+    # The check begins at the height of the path.
     corners = [{"north_m": north, "east_m": 0, "up_m": 40} for north in (0, 3000)]
     mission = replaced("line-calm", path={"type": "waypoints", "waypoints": corners})
     assert leader_start(from_the_slots(mission)).up_m == pytest.approx(40.0)
@@ -253,20 +223,14 @@ ORDER = Arrangement(number=1, time_s=8.0, across_s=0.0, places=PLACES)
 EAST = LeaderPlace(north=100.0, east=50.0, course=math.pi / 2.0)
 
 
-def test_one_that_joins_begins_where_it_is():
+def test_one_that_joins_begins_where_it_is_or_behind_its_slot_and_not_far_away():
     here = {"f3": LeaderPlace(north=70.0, east=0.0, course=-math.pi / 2.0)}
     (start,) = starts_of_joining(FORMATION, ORDER, EAST, here).values()
     # 50 m behind the leader and 30 m right of it, as it flies east.
     assert (start.forward_m, start.right_m) == pytest.approx((-30.0, 10.0))
     assert start.course_deg == pytest.approx(270.0)
-
-
-def test_one_whose_place_is_not_known_begins_behind_its_slot():
     (start,) = starts_of_joining(FORMATION, ORDER, EAST, {}).values()
     assert (start.forward_m, start.right_m, start.course_deg) == (-BEHIND_M, 0.0, None)
-
-
-def test_one_that_is_too_far_away_is_refused():
     far = {"f3": LeaderPlace(north=100.0, east=30e3, course=0.0)}
     with pytest.raises(RefusedOrderError, match="f3 is 30 km from the leader: bring it nearer"):
         starts_of_joining(FORMATION, ORDER, EAST, far)
@@ -282,6 +246,7 @@ def test_one_that_joins_begins_at_its_own_height_where_that_is_known(height, up_
 
 
 MISSION = shipped("circle-wind")
+FLYING = Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=math.nan)
 
 
 def truth(**values: float) -> sitl_stub.Truth:
@@ -295,48 +260,38 @@ def test_a_record_has_the_true_states_and_what_the_companion_did_in_the_order_of
     recorder = VehicleRecorder(MISSION, "f1")
     waiting = Snapshot(mode=Mode.WAITING, setpoint=None, lyapunov=math.nan)
     setpoint = Setpoint(course=0.5, speed=21.0, turn_limited=True)
-    tracking = Snapshot(mode=Mode.TRACKING, setpoint=setpoint, lyapunov=2.5)
     recorder.sample(truth(bank_rad=0.25), waiting)
-    recorder.sample(truth(bank_rad=0.75), tracking)
+    recorder.sample(truth(bank_rad=0.75), replace(FLYING, setpoint=setpoint, lyapunov=2.5))
     record = recorder.record()
     assert record.bank_rad.tolist() == [0.25, 0.75]
     # At the origin, but for what a float leaves of the ellipsoid.
     assert abs(record.north_m).max() < 1e-6
     assert record.mode.tolist() == [list(Mode).index(one) for one in (Mode.WAITING, Mode.TRACKING)]
     assert record.limited.tolist() == [False, True]
-    assert math.isnan(record.course_setpoint_rad[0])
-    assert record.course_setpoint_rad[1] == 0.5
+    assert np.array_equal(record.course_setpoint_rad, [np.nan, 0.5], equal_nan=True)
     assert record.airspeed_setpoint_m_s[1] == 21.0
     assert record.lyapunov[1] == 2.5
 
 
-def test_who_has_left_the_formation_has_no_slot_meanwhile():
+def test_who_has_left_has_no_slot_meanwhile_and_a_leader_that_holds_is_beside_no_path():
     recorder = VehicleRecorder(MISSION, "f1")
-    flying = Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=0.0)
     for left in (False, True, False):
-        recorder.sample(truth(), replace(flying, left=left))
+        recorder.sample(truth(), replace(FLYING, left=left))
     record = recorder.record()
     assert record.in_formation.tolist() == [True, False, True]
-    assert record.slot_forward_series_m is not None
     assert record.slot_forward_series_m[2] == record.slot_forward_m
-
-
-def test_a_leader_that_holds_is_beside_no_path():
     recorder = VehicleRecorder(MISSION, "leader")
-    flying = Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=math.nan)
-    recorder.sample(truth(course_rad=0.0), flying)
-    recorder.sample(truth(course_rad=0.0), replace(flying, path=None))
-    error = recorder.record().path_cross_track_error_m
-    assert math.isfinite(error[0])
-    assert math.isnan(error[1])
+    for snapshot in (FLYING, replace(FLYING, path=None)):
+        recorder.sample(truth(course_rad=0.0), snapshot)
+    assert np.isfinite(recorder.record().path_cross_track_error_m).tolist() == [True, False]
 
 
 def test_rally_points_of_a_plan_are_drawn():
     mission = shipped("survey-plan")
     recorder = VehicleRecorder(mission, mission.leader.vehicle)
-    recorder.sample(truth(), Snapshot(mode=Mode.TRACKING, setpoint=None, lyapunov=math.nan))
-    drawn = [one for one in drawn_outlines(mission, recorder.record()) if one.kind == "rally"]
-    (points,) = drawn
+    recorder.sample(truth(), FLYING)
+    outlines = drawn_outlines(mission, recorder.record())
+    (points,) = [one for one in outlines if one.kind == "rally"]
     north, east = rally_points(mission)
     assert points.north_m.tolist() == north.tolist()
     assert points.east_m.tolist() == east.tolist()
