@@ -1,14 +1,17 @@
 """Sockets, signals and retry delays that differ between Linux, macOS and Windows."""
 
 import asyncio
+import ipaddress
 import os
+import re
 import selectors
 import signal
 import socket
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from typing import Any, TypeVar
 
-from vfguide.errors import VfguideError
+from vfguide.errors import InputError, VfguideError
 
 Result = TypeVar("Result")
 
@@ -34,6 +37,34 @@ SocketSelector: type[selectors.SelectSelector] = getattr(
     selectors, "PollSelector", selectors.SelectSelector
 )
 """Selector without a descriptor of its own; Windows has only `select`."""
+
+
+LABELS = re.compile(
+    r"(?!-)[a-z0-9_-]{1,63}(?<!-)(\.(?!-)[a-z0-9_-]{1,63}(?<!-))*", re.IGNORECASE | re.ASCII
+)
+"""Labels of a host name."""
+
+LONGEST_HOST = 253
+"""Maximum length of a host name by the rules of the domain name system, characters."""
+
+BRACKETS = re.compile(r"\[[0-9a-fA-F:.]+(%[A-Za-z0-9_.-]+)?\]")
+NUMERIC = re.compile(r"[0-9.]+")
+
+
+def checked_host(text: str) -> str:
+    """Return a host, numbers without brackets, checked as far as possible without a name server.
+
+    Raises:
+        InputError: it is neither a name nor a number.
+    """
+    with suppress(ValueError):
+        if BRACKETS.fullmatch(text):
+            return str(ipaddress.IPv6Address(text[1:-1]))
+        if NUMERIC.fullmatch(text):
+            return str(ipaddress.IPv4Address(text))
+        if LABELS.fullmatch(text) and len(text) <= LONGEST_HOST:
+            return text
+    raise InputError("the host is no name or number; write a name, 192.168.1.10 or [fd00::10]")
 
 
 def require_linux(what: str) -> None:

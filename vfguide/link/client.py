@@ -6,7 +6,6 @@ states costs a vehicle as much processor time as sending, so it listens only bri
 """
 
 import asyncio
-import ipaddress
 import logging
 import re
 import selectors
@@ -29,7 +28,7 @@ from paho.mqtt.client import Client as Engine
 from vfguide.errors import InputError
 from vfguide.link.carrier import EXAMPLE, LinkAddress
 from vfguide.link.codec import LARGEST
-from vfguide.system import URGENT_TCP, SocketSelector
+from vfguide.system import URGENT_TCP, SocketSelector, checked_host
 
 ENVIRONMENT_VARIABLE = "VFGUIDE_LINK_PASSWORD"
 """Environment variable of the password, which process lists do not show."""
@@ -46,14 +45,6 @@ OPTIONS = ("ca", "cert", "key")
 """Options with which an mqtts:// address names files."""
 
 SECURE_EXAMPLE = "mqtts://USER@HOST:8883/PREFIX?ca=FILE&cert=FILE&key=FILE"
-
-LONGEST_HOST = 253
-"""Maximum length of a host name by the rules of the domain name system, characters."""
-
-LABELS = re.compile(
-    r"(?!-)[a-z0-9_-]{1,63}(?<!-)(\.(?!-)[a-z0-9_-]{1,63}(?<!-))*", re.IGNORECASE | re.ASCII
-)
-NUMERIC = re.compile(r"[0-9.]+")
 
 MOST_TOPICS = 256
 """Maximum number of topics with unread messages: more than vehicles in any formation."""
@@ -147,16 +138,7 @@ def _host(parts: SplitResult) -> str:
     text = parts.hostname or ""
     if not text:
         raise InputError(f"the host is missing; write {EXAMPLE}")
-    try:
-        if ":" in text:
-            return str(ipaddress.IPv6Address(text))
-        if NUMERIC.fullmatch(text):
-            return str(ipaddress.IPv4Address(text))
-    except ValueError:
-        raise InputError("the host is no number; write 192.168.1.10 or [fd00::10]") from None
-    if not LABELS.fullmatch(text) or len(text) > LONGEST_HOST:
-        raise InputError("the host is no name; write a name, 192.168.1.10 or [fd00::10]")
-    return text
+    return checked_host(f"[{text}]" if ":" in text else text)
 
 
 def _port(parts: SplitResult) -> int:

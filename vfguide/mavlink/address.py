@@ -10,9 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from vfguide.errors import InputError
-
-LONGEST_HOST = 253
-"""Maximum length of a host name by the rules of the domain name system, characters."""
+from vfguide.system import LABELS, checked_host
 
 LONGEST_QUOTE = 80
 """Maximum length of a wrong address quoted in an error message, characters."""
@@ -27,12 +25,7 @@ OLD_SCHEMES = {
 }
 """Schemes that MAVSDK has abandoned, with the nearest one and when that is right."""
 
-LABELS = re.compile(
-    r"(?!-)[a-z0-9_-]{1,63}(?<!-)(\.(?!-)[a-z0-9_-]{1,63}(?<!-))*", re.IGNORECASE | re.ASCII
-)
 DIGITS = re.compile(r"[0-9]{1,9}")
-BRACKETS = re.compile(r"\[[0-9a-fA-F:.]+(%[A-Za-z0-9_.-]+)?\]")
-NUMERIC = re.compile(r"[0-9.]+")
 
 SERIAL_EXAMPLE = "serial:///dev/ttyACM0:57600"
 
@@ -152,31 +145,19 @@ def _host(transport: Transport, text: str) -> str:
         raise InputError("the host is missing; write 0.0.0.0 to listen on all of this computer's")
     if not text:
         raise InputError("the host is missing; write the autopilot's name or number")
-    number = _number(text)
-    if number is None and not (LABELS.fullmatch(text) and len(text) <= LONGEST_HOST):
-        raise InputError(f"{_quoted(text)} is no host; write a name, 192.168.1.10 or [fd00::10]")
-    if number is not None and not transport.listens and _is_many(number):
-        raise InputError(f"{number} is not one host; write the autopilot's own address")
-    return text if number is None else str(number)
+    host = checked_host(text)
+    if not transport.listens and _is_many(host):
+        raise InputError(f"{host} is not one host; write the autopilot's own address")
+    return host
 
 
-def _number(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+def _is_many(host: str) -> bool:
+    """Check whether a host is the number of nobody or everybody."""
     try:
-        if BRACKETS.fullmatch(text):
-            return ipaddress.IPv6Address(text[1:-1])
-        if NUMERIC.fullmatch(text):
-            return ipaddress.IPv4Address(text)
+        number = ipaddress.ip_address(host)
     except ValueError:
-        raise InputError(
-            f"{_quoted(text)} is no numeric host; write 192.168.1.10 or [fd00::10]"
-        ) from None
-    return None
-
-
-def _is_many(number: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
-    """Check whether this addresses nobody or everybody."""
-    broadcast = ipaddress.IPv4Address("255.255.255.255")
-    return number.is_unspecified or number.is_multicast or number == broadcast
+        return False
+    return number.is_unspecified or number.is_multicast or host == "255.255.255.255"
 
 
 def _successor(scheme: str, rest: str) -> str:

@@ -93,7 +93,7 @@ WRONG = {
     "the host is missing": ("mqtt://",),
     "blanks or control": ("mqtt://broker\n",),
     "the host is no name": ("mqtt://-broker",),
-    "the host is no number": ("mqtt://1.2.3",),
+    "the host is no name or number": ("mqtt://1.2.3",),
     "the host is no": ("mqtt://[::zz]", "mqtt://[::1"),
     "the user name is missing": ("mqtt://:pw@broker",),
     "%23": ("mqtt://broker/a#b",),
