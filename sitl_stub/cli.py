@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as version_of
 from pathlib import Path
 from types import NoneType
-from typing import Annotated, Any, Literal, NoReturn, get_args, get_origin
+from typing import Annotated, Any, Literal, NoReturn, cast, get_args, get_origin
 
 import typer
 import yaml
@@ -22,6 +22,9 @@ from sitl_stub.server import precise_event_loop, serve_all
 from sitl_stub.settings import Settings, field_names
 
 WRONG_INPUT, BROKEN = 2, 3
+
+UsageError = cast("type[typer.BadParameter]", typer.BadParameter.__base__)
+"""Base class of all usage errors; Typer exports only some of its subclasses."""
 
 MOST_BYTES = 262_144
 
@@ -142,13 +145,13 @@ def fly(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="YAML with options, such as alpha: 0.9, or fields as in a mission, such as alpha_1_s: 0.9;"
-            " options of the command line go before it.",
+            help="YAML file of options, such as alpha: 0.9, or of a mission's fields, such as alpha_1_s: 0.9;"
+            " options of the command line win.",
         ),
     ] = None,
     version: Annotated[
         bool,
-        typer.Option("--version", is_eager=True, callback=tell_version, help="Tell the version."),
+        typer.Option("--version", is_eager=True, callback=tell_version, help="Print the version."),
     ] = False,
     **options: object,
 ) -> None:
@@ -245,8 +248,13 @@ def fail(fault: object, status: int) -> NoReturn:
 
 
 def main() -> None:
-    """Run the command line."""
-    app()
+    """Run the command line; what it cannot take is told in one line."""
+    try:
+        sys.exit(app(prog_name="sitl-stub", standalone_mode=False))
+    except UsageError as error:
+        text = error.format_message().rstrip(".")
+        sys.stderr.write(f"sitl-stub: {text[:1].lower()}{text[1:]}; see sitl-stub -h\n")
+        sys.exit(WRONG_INPUT)
 
 
 if __name__ == "__main__":

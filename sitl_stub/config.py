@@ -55,46 +55,46 @@ class AircraftOptions(BaseModel):
     """Hardware number in AUTOPILOT_VERSION, which counts up with --count; 0: none."""
 
     autopilot: Annotated[str, Option("NAME")] = "ardupilot"
-    """ardupilot, px4, or one of --plugin: as which it behaves."""
+    """Autopilot to emulate: ardupilot, px4, or one of --plugin."""
 
     airspeed_m_s: Annotated[float, Option("M_S")] = 20.0
-    """In the air, where none is commanded."""
+    """Airspeed where none is commanded, m/s."""
 
     climb_m_s: Annotated[float, Option("M_S")] = 0.0
     """Climb rate at a start in the air, positive up."""
 
     ready_after_s: Annotated[NotNegative, Option("S")] = 0.0
-    """Until sensors have settled and it can be armed."""
+    """Time until its sensors have settled and it can be armed, s."""
 
     position_noise_m: Annotated[NotNegative, Option("M")] = 0.0
-    """Standard deviation of reported positions."""
+    """Standard deviation of reported positions, m."""
 
     velocity_noise_m_s: Annotated[NotNegative, Option("M_S")] = 0.0
-    """Standard deviation of reported velocities over ground."""
+    """Standard deviation of reported velocities over ground, m/s."""
 
     airspeed_noise_m_s: Annotated[NotNegative, Option("M_S")] = 0.0
-    """Standard deviation of reported airspeeds."""
+    """Standard deviation of reported airspeeds, m/s."""
 
     sensors: Annotated[SensorGrade, Option()] = "ideal"
-    """GNSS of this grade, and other sensors like real ones."""
+    """Grade of its GNSS receiver; all but ideal have usual errors in the other sensors, too."""
 
     indicated_airspeed: Annotated[bool, Option()] = False
-    """Airspeeds on the wire are not the true ones."""
+    """Report and obey indicated airspeeds instead of true ones."""
 
     airspeed_calibration: Annotated[float, Field(ge=0.5, le=2.0), Option("X")] = 1.0
-    """Shown airspeed in parts of the right one."""
+    """Ratio of the shown to the right airspeed."""
 
     loop_rate_hz: Annotated[float | None, Field(ge=10.0, le=1000.0), Option("HZ")] = None
-    """Telemetry leaves on this scheduler's ticks only; default: on time."""
+    """Rate of the scheduler on whose ticks telemetry leaves; default: exactly on time."""
 
     old_parameter_names: Annotated[bool, Option()] = False
-    """ArduPlane's before 4.5, such as ARSPD_FBW_MIN."""
+    """Name parameters as ArduPlane before 4.5, such as ARSPD_FBW_MIN."""
 
     icao_address: Annotated[int, Field(ge=0, lt=2**24), Option("N")] = 0
     """Address of its transponder, for ADSB_VEHICLE."""
 
     boot_time_s: Annotated[float, Field(ge=0.0, le=1e9), Option("S")] = 0.0
-    """What its clock shows at the start."""
+    """Time since boot that its clock shows at the start, s."""
 
     seed: Annotated[int, Field(ge=0, lt=2**63), Option("N")] = 0
     """Seed of everything random."""
@@ -114,7 +114,9 @@ class AircraftOptions(BaseModel):
             field = str(first["loc"][0]) if first["loc"] else ""
             known = field in cls.model_fields and option_of(cls, field) is not None
             name = f"--{option_name(cls, field)}" if known else field
-            said = str(cause or f"{name}: {first['msg'][0].lower()}{first['msg'][1:]}")
+            told = f"{first['msg'][0].lower()}{first['msg'][1:]}"
+            told = "is missing; see sitl-stub --help" if first["type"] == "missing" else told
+            said = str(cause or f"{name}: {told}")
             raise OptionError(said) from error
 
 

@@ -173,15 +173,13 @@ def named_numbers(value: object) -> dict[str, float]:
     Raises:
         OptionError: a number is missing or none.
     """
-    if isinstance(value, Mapping):
-        return {str(name): float(number) for name, number in value.items()}
+    texts = (str(text).partition("=")[::2] for text in listed(value))
     found = {}
-    for text in listed(value):
-        name, _, number = str(text).partition("=")
+    for name, number in value.items() if isinstance(value, Mapping) else texts:
         try:
-            found[name] = float(number)
-        except ValueError:
-            raise OptionError(f"--plant-option: {text} is not NAME=VALUE") from None
+            found[str(name)] = float(number)
+        except (TypeError, ValueError):
+            raise OptionError(f"--plant-option: {name}={number} is not NAME=NUMBER") from None
     return found
 
 
@@ -204,64 +202,64 @@ class Settings(AircraftOptions):
     """udpin://, udpout://, tcpin:// or tcpout:// HOST:PORT. Required."""
 
     count: Annotated[int, Option("N")] = 1
-    """Aircraft in this process: system ids and ports count up."""
+    """Number of aircraft in this process; system ids and ports count up."""
 
     autopilot_version: Annotated[str | None, Option("X.Y")] = None
     """Version of px4, 1.14 to 1.18; default: the newest."""
 
     plant: Annotated[str | None, Option("NAME")] = None
-    """heading-hold: first order, the wind drifts it; course-hold: the article's model; bank: bank from course
-    error, as ArduPlane's GUIDED; npfg: as PX4's course; six-dof: a rigid body; or one of --plugin. Default:
-    heading-hold; with px4 npfg, with all that was measured on it."""
+    """How it flies. heading-hold: holds a heading, and the wind drifts it; course-hold: the article's model;
+    bank: banks by its course error, as ArduPlane in GUIDED; npfg: turns as PX4; six-dof: a rigid body; or one
+    of --plugin. Default: heading-hold; for px4 npfg as measured."""
 
     plant_options: Annotated[
         dict[str, float],
         BeforeValidator(named_numbers),
         Option("NAME=VALUE", "plant-option"),
     ] = Field(default_factory=dict)
-    """A number of a plant of your own. Repeatable."""
+    """An option of your own plant. Repeatable."""
 
     plugins: Annotated[tuple[Path, ...], BeforeValidator(listed), Option("FILE", "plugin")] = ()
-    """A file of Python with a plant or an autopilot of your own. Repeatable."""
+    """Python file with a plant or an autopilot of your own. Repeatable."""
 
     alpha_1_s: Annotated[float | None, Option("A")] = None
-    """Gain of the course or heading hold, 1/s; default 1.2, PX4's own 0.88."""
+    """Gain of the course or heading hold, 1/s; default 1.2, for px4 0.88."""
 
     beta_1_s: Annotated[float, Option("B")] = 0.8
     """Gain of the speed hold, 1/s."""
 
     speed_response: Annotated[SpeedResponse | None, Option()] = None
-    """tecs: as ArduPlane, late and slow to settle; px4: slews and swings; px4-untrimmed: as it comes, creeps.
-    Default: first-order, PX4's own px4-untrimmed."""
+    """Speed hold. tecs: ArduPlane's, slow to settle; px4: PX4's with a trimmed throttle; px4-untrimmed: PX4's
+    with default parameters, which creeps. Default: first-order, for px4 px4-untrimmed."""
 
     guided_p: Annotated[float, Option("P")] = 12_000.0
-    """With bank: bank per course error, 0.01 deg/rad."""
+    """Bank per course error, 0.01 deg/rad; for bank and six-dof."""
 
     roll_time_s: Annotated[float, Option("S")] = 0.4
-    """With bank: time constant of the roll."""
+    """Time constant of the roll, s; for bank and npfg."""
 
     roll_delay_s: Annotated[float | None, Option("S")] = None
-    """With bank: that of the bank on its way there; default 0, PX4's own 0.2."""
+    """Lag of the wanted bank before the roll, s; for bank and npfg. Default 0, for px4 0.2."""
 
     turn_efficiency: Annotated[float, Option("X")] = 1.0
-    """With bank: parts of the coordinated turn."""
+    """Ratio of the turn rate to a coordinated turn's; for bank."""
 
     course_dead_time_s: Annotated[float | None, Option("S")] = None
-    """Until a new course reaches its loop; default 0, PX4's own 0.06."""
+    """Delay until a new course takes effect, s; default 0, for px4 0.06."""
 
     speed_dead_time_s: Annotated[float | None, Option("S")] = None
-    """Until a new speed reaches its loop; default 0, with tecs 0.5."""
+    """Delay until a new speed takes effect, s; default 0, with tecs 0.5."""
 
     airspeed_range_m_s: Annotated[
         LowHigh, numbers("--airspeed-range", "LO,HI"), Option("LO,HI")
     ] = (12.0, 32.0)
-    """What it can fly, m/s."""
+    """Slowest and fastest airspeed, m/s."""
 
     max_bank_deg: Annotated[float | None, Option("DEG")] = None
-    """Limit of the bank; default 45, with px4 50."""
+    """Largest bank; default 45, for px4 50."""
 
     max_acceleration_m_s2: Annotated[float, Option("A")] = 3.0
-    """Limit of the rate of change of speed, m/s2."""
+    """Largest change of speed, m/s2."""
 
     climb_range_m_s: Annotated[LowHigh, numbers("--climb-range", "LO,HI"), Option("LO,HI")] = (
         -3.0,
@@ -270,19 +268,19 @@ class Settings(AircraftOptions):
     """Fastest sink, negative, and climb, m/s."""
 
     height_delay_s: Annotated[float, Option("S")] = 2.0
-    """How far the height is behind one that climbs."""
+    """Lag of the height behind a target that climbs, s."""
 
     wind: Annotated[Wind, PlainValidator(parse_wind), Option("WIND", shown="calm")] = CalmWind()
-    """calm, article or steady:SPEED,TOWARD_DEG."""
+    """calm, article or steady:SPEED,TOWARD_DEG: m/s, and where the air moves to."""
 
     turbulence: Annotated[Turbulence, Option()] = "none"
-    """Dryden's, by MIL-F-8785C; shared by all of one seed."""
+    """Dryden turbulence by MIL-F-8785C; aircraft with one seed share it."""
 
     air_height_m: Annotated[float, Field(gt=0.0, le=1e4), Option("M")] = 100.0
-    """Above the ground, for which wind and turbulence are meant."""
+    """Height above the ground at which wind and turbulence are as given, m."""
 
     gusts: Annotated[tuple[DiscreteGust, ...], each(parse_gust), Option("AT,FOR,N,E", "gust")] = ()
-    """One minus cosine: seconds, m/s. Repeatable."""
+    """Gust of one minus cosine: begin and length in s, north and east in m/s. Repeatable."""
 
     roughness_m: Annotated[float | None, Option("M")] = None
     """Roughness of the ground, above 0 to 0.5: the wind then grows with height."""
@@ -292,19 +290,19 @@ class Settings(AircraftOptions):
         numbers("--start", "LAT,LON,ALT,COURSE"),
         Option("LAT,LON,ALT,COURSE"),
     ] = (47.397742, 8.545594, 588.0, 0.0)
-    """Degrees, metres above mean sea level, degrees."""
+    """Place and course at the start: degrees, m above mean sea level, degrees."""
 
     airborne: Annotated[bool, Option()] = False
-    """Start in the air; else on the ground, disarmed, at ALT."""
+    """Start in the air. Otherwise it stands disarmed on the ground at ALT."""
 
     home_altitude_m: Annotated[float | None, Option("M")] = None
     """Altitude of the ground below the start; default: 100 m below it."""
 
     spacing_m: Annotated[float, Option("M")] = 30.0
-    """With --count: from one start to the next, to the right."""
+    """Distance between the starts of --count aircraft, to the right, m."""
 
     route: Annotated[Route | None, PlainValidator(parse_route), Option("LAT,LON;…")] = None
-    """Fly this by itself; round, if it ends where it begins."""
+    """Points to fly to without commands; again and again if the last is the first."""
 
     heading_noise_deg: Annotated[float, Option("DEG")] = 0.0
     """Standard deviation of reported headings."""
@@ -312,39 +310,39 @@ class Settings(AircraftOptions):
     gps_glitches: Annotated[
         tuple[Fault, ...], each(glitch), Option("AT,FOR,N,E", "gps-glitch")
     ] = ()
-    """Positions off for a time: seconds, metres. Repeatable."""
+    """Offset of reported positions: begin and length in s, north and east in m. Repeatable."""
 
     streams: Annotated[
         tuple[tuple[int, int], ...], each(parse_stream), Option("NAME:HZ", "stream")
     ] = ()
-    """Send this unasked instead of the autopilot's own. Repeatable."""
+    """Message to send without a request, instead of the autopilot's usual ones. Repeatable."""
 
     also_to: Annotated[tuple[str, ...], BeforeValidator(listed), Option("URL")] = ()
-    """udpout:// address that hears it, too. Repeatable; not with --count."""
+    """Another udpout:// address that gets all it sends. Repeatable; not with --count."""
 
     delay_s: Annotated[float, Option("S")] = 0.0
-    """Each way, of every datagram."""
+    """Delay of every datagram, each way, s."""
 
     jitter_s: Annotated[float, Option("S")] = 0.0
-    """More or less than the delay."""
+    """Largest random change of the delay, s."""
 
     loss: Annotated[float, Option("P")] = 0.0
-    """Share of datagrams lost, each way."""
+    """Share of datagrams lost, each way, 0 to below 1."""
 
     signing_key: Annotated[str | None, Option("KEY")] = None
-    """Sign and hear only what is signed: 64 hex digits, or a passphrase."""
+    """Key to sign messages, and to drop unsigned ones: 64 hex digits, or a passphrase."""
 
     speedup: Annotated[float, Field(gt=0.0, le=1000.0), Option("X")] = 1.0
-    """Seconds of simulation in one real second."""
+    """Seconds of simulation per real second."""
 
     truth: Annotated[str | None, Option("TO")] = None
     """True states as JSON lines: udpout://HOST:PORT or a file."""
 
     truth_rate_hz: Annotated[float, Field(gt=0.0, le=1000.0), Option("HZ")] = 20.0
-    """True states in a second of simulation."""
+    """True states per second of simulation."""
 
     duration_s: Annotated[Positive | None, Option("S")] = None
-    """Simulation time at which it ends."""
+    """Simulation time at which it ends, s."""
 
     epoch_s: Annotated[Finite | None, Option("SECONDS")] = None
     """Unix time of simulation time zero, the same for a whole formation; default: now."""

@@ -103,7 +103,7 @@ def program(
     *,
     version: Annotated[
         bool,
-        typer.Option("--version", callback=tell_version, is_eager=True, help="Tell the version."),
+        typer.Option("--version", callback=tell_version, is_eager=True, help="Print the version."),
     ] = False,
 ) -> None:
     """Vector-field guidance that flies several fixed-wing UAVs as one formation, over MAVLink."""

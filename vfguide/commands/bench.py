@@ -70,26 +70,31 @@ def study_file(text: str) -> Path:
 
 JsonFile = Annotated[
     Path | None,
-    typer.Option("--json", metavar="FILE", help="Where all figures go.", parser=study_file),
+    typer.Option("--json", metavar="FILE", help="File for all figures.", parser=study_file),
 ]
 Directory = Annotated[
     Path | None,
-    typer.Option(metavar="DIR", help="Where tables, plots and JSON go.", parser=study_directory),
+    typer.Option(
+        metavar="DIR", help="Directory for tables, plots and JSON.", parser=study_directory
+    ),
 ]
-Quick = Annotated[bool, typer.Option("--quick", help="Shorter flights, and fewer.")]
-Law = Annotated[str, typer.Option(metavar="LAW", help="By which followers keep their slots.")]
+Quick = Annotated[bool, typer.Option("--quick", help="Fly fewer and shorter flights.")]
+Law = Annotated[str, typer.Option(metavar="LAW", help="Law by which followers keep their slots.")]
 Laws = Annotated[
     list[str] | None,
-    typer.Option("--law", metavar="LAW", help="Fly this one, or several; all known if absent."),
+    typer.Option(
+        "--law", metavar="LAW", help="Law to fly; may be given several times. Default: all."
+    ),
 ]
 Processes = Annotated[
-    int | None, typer.Option(metavar="N", min=1, help="As many as processors if absent.")
+    int | None,
+    typer.Option(metavar="N", min=1, help="Number of processes; default: one for each processor."),
 ]
 Scheduler = Annotated[
     str | None,
     typer.Option(
         metavar="URL",
-        help="A Dask scheduler, such as tcp://host:8786; this computer if absent.",
+        help="Dask scheduler, such as tcp://host:8786; default: this computer.",
     ),
 ]
 
@@ -159,20 +164,25 @@ def radio(
     ] = 120.0,
     aircraft: Annotated[
         list[int] | None,
-        typer.Option(metavar="N", min=2, max=12, help="Size of a formation; 2, 4, 8 and 12."),
+        typer.Option(
+            metavar="N", min=2, max=12, help="Size of a formation; default: 2, 4, 8 and 12."
+        ),
     ] = None,
     rate: Annotated[
         list[float] | None,
-        typer.Option(metavar="HZ", min=0.5, max=20.0, help="The leader's; 20, 10, 5 and 2."),
+        typer.Option(
+            metavar="HZ", min=0.5, max=20.0, help="Rate of the leader; default: 20, 10, 5 and 2."
+        ),
     ] = None,
     followers: Annotated[
         float, typer.Option(metavar="HZ", min=0.5, max=20.0, help="Rate of each follower.")
     ] = 2.5,
     loss: Annotated[
-        float, typer.Option(min=0.0, max=0.9, help="Share of packets that a receiver misses.")
+        float, typer.Option(min=0.0, max=0.9, help="Share of packets that a receiver loses.")
     ] = 0.0,
     bursts: Annotated[
-        float, typer.Option(min=0.0, max=0.9, help="Share of the time that it misses all.")
+        float,
+        typer.Option(min=0.0, max=0.9, help="Share of the time in which it loses all packets."),
     ] = 0.0,
     json_file: JsonFile = None,
 ) -> None:
@@ -273,12 +283,12 @@ def suite(
 def monte_carlo(
     *,
     formations: Annotated[
-        int, typer.Option(metavar="N", min=1, max=100_000, help="How many scenarios.")
+        int, typer.Option(metavar="N", min=1, max=100_000, help="Number of scenarios.")
     ] = 100,
     law: Laws = None,
     processes: Processes = None,
     seed: Annotated[
-        int, typer.Option(metavar="N", min=1, max=4000, help="Of what is drawn and flown.")
+        int, typer.Option(metavar="N", min=1, max=4000, help="Seed of what is drawn and flown.")
     ] = 1,
     json_file: JsonFile = None,
     out: Directory = None,

@@ -122,7 +122,8 @@ def companion(
     engage: Annotated[
         bool,
         typer.Option(
-            "--engage", help="Put the autopilot into its guided mode by itself, once in a flight."
+            "--engage",
+            help="Put the autopilot into its guided mode without the pilot, once in a flight.",
         ),
     ] = False,
     record: Annotated[Path | None, in_directory("Record every start in a directory below.")] = None,
@@ -132,15 +133,15 @@ def companion(
         str | None,
         typer.Option(
             metavar="URL",
-            help="Where a leader without a companion is heard, instead of the mission's"
-            " leader.connection.",
+            help="Address at which a leader without a companion is heard; default: the"
+            " mission's leader.connection.",
         ),
     ] = None,
     follow_target: Annotated[
         str | None,
         typer.Option(
             metavar="URL",
-            help="Of the leader: send FOLLOW_TARGET there, 10 Hz, for followers without a companion.",
+            help="Send a leader's FOLLOW_TARGET there, 10 Hz, for followers without a companion.",
         ),
     ] = None,
     ground_station_orders: Annotated[
@@ -154,7 +155,7 @@ def companion(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Private key that signs those orders; else that of `operator` beside the mission.",
+            help="Private key that signs those orders; default: the key of `operator` beside the mission.",
         ),
     ] = None,
     log_format: Annotated[

@@ -53,12 +53,17 @@ def console(
     ] = None,
     host: Annotated[
         str,
-        typer.Option(metavar="HOST", help="Interface to serve on; others than loopback need TLS."),
+        typer.Option(metavar="HOST", help="Interface to serve on; any but loopback needs TLS."),
     ] = "127.0.0.1",
     port: Annotated[
-        int, typer.Option(metavar="PORT", min=0, max=65535, help="To serve on; 0 for any free one.")
+        int,
+        typer.Option(
+            metavar="PORT", min=0, max=65535, help="Port to serve on; 0 for any free one."
+        ),
     ] = 8080,
-    certificate: Annotated[Path | None, typer.Option(metavar="FILE", help="For TLS, PEM.")] = None,
+    certificate: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Certificate for TLS, PEM.")
+    ] = None,
     certificate_key: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Private key of the certificate, PEM.")
     ] = None,
@@ -73,14 +78,14 @@ def console(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Keeps the token of the page's address, so that open pages outlive a restart.",
+            help="File that keeps the token of the page's address, so that open pages outlive a restart.",
         ),
     ] = None,
     operator: Annotated[
         bool,
         typer.Option(
             "--operator",
-            help="Have orders given, too, from a second address: signed with the operator's private key.",
+            help="Let orders be given from a second address; the operator's private key signs them.",
         ),
     ] = False,
     tiles: Annotated[

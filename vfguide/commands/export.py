@@ -36,13 +36,14 @@ def export(
         Path,
         typer.Option(
             metavar="FILE",
-            help="Where to; .mcap, .kml, .kmz, .csv, .parquet or .plan is the format.",
+            help="File to write; its ending is the format: .mcap, .kml, .kmz, .csv, .parquet or .plan.",
         ),
     ],
     mission: Annotated[
         Path | None,
         typer.Option(
-            metavar="MISSION", help="Says where a flight was whose record is of an earlier version."
+            metavar="MISSION",
+            help="Mission of a record from an earlier version, which does not say where it was flown.",
         ),
     ] = None,
     force: Force = False,

@@ -47,35 +47,42 @@ def fly(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Instead of every vehicle's plant: course-hold, heading-hold, bank, npfg, six-dof, or one of"
-            " --plugin.",
+            help="Plant of every vehicle instead of its own: course-hold, heading-hold, bank, npfg, six-dof,"
+            " or one of --plugin.",
         ),
     ] = None,
     speed_response: Annotated[
-        SpeedResponseName | None, typer.Option(help="Instead of the emulators' own.")
+        SpeedResponseName | None,
+        typer.Option(help="Autopilot to emulate instead of each vehicle's own."),
     ] = None,
-    wind: Annotated[WindName | None, typer.Option(help="Instead of the file's wind.")] = None,
+    wind: Annotated[WindName | None, typer.Option(help="Wind instead of the file's.")] = None,
     duration: Duration = None,
     rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="Guidance steps per second.")
     ] = None,
-    seed: Annotated[int | None, typer.Option(metavar="N", help="Of everything random.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(metavar="N", help="Seed of everything random.")
+    ] = None,
     out: Annotated[
         Path | None, in_directory("Where summary, report, record and .tlog files go.")
     ] = None,
     force: Force = False,
     live: Annotated[
-        bool, typer.Option("--live", help="Real time, real sockets, a process for each program.")
+        bool,
+        typer.Option(
+            "--live", help="Fly in real time, over real sockets, with a process for each program."
+        ),
     ] = False,
     speedup: Annotated[
-        float | None, typer.Option(metavar="X", help="With --live: times as fast as real time.")
+        float | None,
+        typer.Option(metavar="X", help="With --live: simulated seconds per real second."),
     ] = None,
     link: Annotated[
         list[str] | None,
         typer.Option(
             metavar="URL",
-            help="With --live: a broker or a UDP group, or several; `mqtt` starts mosquitto. Default: UDP"
-            " on this computer.",
+            help="With --live: address of the formation's link, may be given several times; `mqtt` starts"
+            " mosquitto. Default: UDP on this computer.",
         ),
     ] = None,
     console: Annotated[
@@ -84,13 +91,13 @@ def fly(
     ] = False,
     operator: Annotated[
         bool,
-        typer.Option("--operator", help="With --console: have orders given from that page, too."),
+        typer.Option("--operator", help="With --console: let orders be given from that page."),
     ] = False,
     tiles: Annotated[
         str | None,
         typer.Option(
             metavar="FILE|URL",
-            help="With --console: a map below the formation, as of `vfguide console`.",
+            help="With --console: map below the formation, as for `vfguide console`.",
         ),
     ] = None,
     foxglove: Foxglove = None,

@@ -51,13 +51,14 @@ def identify(
     mission: MissionOption,
     mavlink: AutopilotUrl,
     engage: Annotated[
-        bool, typer.Option("--engage", help="Put the autopilot into its guided mode, by itself.")
+        bool,
+        typer.Option("--engage", help="Put the autopilot into its guided mode without the pilot."),
     ] = False,
     repeats: Annotated[
         int, typer.Option(min=1, max=10, help="How often each group of steps is flown.")
     ] = 1,
     speedup: Annotated[
-        float, typer.Option(metavar="X", help="The emulator's time in parts of real time.")
+        float, typer.Option(metavar="X", help="Simulated seconds of the emulator per real second.")
     ] = 1.0,
     out: Annotated[Path | None, in_directory("Keep profile and picture there.")] = None,
     state: StateDirectory = None,

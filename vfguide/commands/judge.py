@@ -43,14 +43,18 @@ def judge(
     *,
     truth: Annotated[
         str,
-        typer.Option(metavar="URL", help="Where emulators send true states: udpin://HOST:PORT."),
+        typer.Option(
+            metavar="URL", help="Address at which emulators' true states arrive: udpin://HOST:PORT."
+        ),
     ],
     link: LinkUrls,
     key: KeyFile = None,
     roster: RosterFile = None,
     insecure: Insecure = False,
-    start: Annotated[Path, typer.Option(metavar="FILE", help="Written when the flight may begin.")],
-    out: Annotated[Path, in_directory("Where summary, report and record go.")],
+    start: Annotated[
+        Path, typer.Option(metavar="FILE", help="File that is written when the flight may begin.")
+    ],
+    out: Annotated[Path, in_directory("Directory for summary, report and record.")],
     duration: Duration = None,
     speedup: Speedup = 1.0,
     patience: Annotated[
@@ -130,13 +134,20 @@ def emulate(
     *,
     mission: MissionOption,
     mavlink: Annotated[
-        str, typer.Option(metavar="URL", help="Its companion, such as udpin://0.0.0.0:14540.")
+        str,
+        typer.Option(
+            metavar="URL", help="Address of its companion, such as udpin://0.0.0.0:14540."
+        ),
     ],
     truth: Annotated[
-        str, typer.Option(metavar="URL", help="The judge of true states: udpout://HOST:PORT.")
+        str,
+        typer.Option(
+            metavar="URL",
+            help="Address of the judge, who gets the true states: udpout://HOST:PORT.",
+        ),
     ],
     start: Annotated[
-        Path, typer.Option(metavar="FILE", help="Where the judge writes when to begin.")
+        Path, typer.Option(metavar="FILE", help="File in which the judge says when to begin.")
     ],
     speedup: Speedup = 1.0,
 ) -> NoReturn:

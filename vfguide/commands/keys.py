@@ -64,7 +64,7 @@ def make(
     *,
     operator: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Who watches and orders; `operator` if absent."),
+        typer.Option(metavar="NAME", help="Name of who watches and orders; default: `operator`."),
     ] = None,
 ) -> None:
     """Make a key pair for each member that has none, and the roster of public keys.
@@ -122,7 +122,7 @@ def rotate(
     mission: MissionFile,
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="NAME...", help="Members whose keys are replaced; all if absent."),
+        typer.Argument(metavar="NAME...", help="Members whose keys are replaced; default: all."),
     ] = None,
 ) -> None:
     """Replace the keys of some members, or of all.

@@ -35,16 +35,19 @@ MissionFile = Annotated[
     ),
 ]
 MissionOption = Annotated[Path, typer.Option(metavar="MISSION", help="Mission file (YAML).")]
-VehicleName = Annotated[str, typer.Argument(metavar="VEHICLE", help="Its name in the mission.")]
+VehicleName = Annotated[
+    str, typer.Argument(metavar="VEHICLE", help="Name of the vehicle in the mission.")
+]
 AutopilotUrl = Annotated[
-    str, typer.Option(metavar="URL", help="Its autopilot, such as udpin://0.0.0.0:14540.")
+    str,
+    typer.Option(metavar="URL", help="Address of its autopilot, such as udpin://0.0.0.0:14540."),
 ]
 LinkUrls = Annotated[
     list[str],
     typer.Option(
         "--link",
         metavar="URL",
-        help="The formation's link, such as mqtt://host:1883; several are used at once.",
+        help="Address of the formation's link, such as mqtt://host:1883; may be given several times.",
     ),
 ]
 KeyFile = Annotated[
@@ -52,7 +55,7 @@ KeyFile = Annotated[
     typer.Option(
         "--key",
         metavar="FILE",
-        help="Private key to sign with; else NAME.key in MISSION's directory of keys.",
+        help="Private key to sign with; default: NAME.key in the mission's directory of keys.",
     ),
 ]
 RosterFile = Annotated[
@@ -60,22 +63,25 @@ RosterFile = Annotated[
     typer.Option(
         "--roster",
         metavar="FILE",
-        help="Everybody's public keys; else MISSION with the ending .roster.",
+        help="Public keys of everybody; default: the mission's name with the ending .roster.",
     ),
 ]
 Insecure = Annotated[
     bool,
-    typer.Option("--insecure", help="Sign nothing and believe anybody who is on the link."),
+    typer.Option("--insecure", help="Sign nothing, and believe everybody on the link."),
 ]
 StateDirectory = Annotated[
     Path | None,
     in_directory(
-        "Keep there whether it has engaged in this flight; else in STATE_DIRECTORY or XDG_STATE_HOME."
+        "Directory that keeps whether it has engaged; default: STATE_DIRECTORY or XDG_STATE_HOME."
     ),
 ]
 SigningKeyFile = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Sign MAVLink, and hear only what is signed: 64 hex digits."),
+    typer.Option(
+        metavar="FILE",
+        help="Key to sign MAVLink, and to drop unsigned messages: a file with 64 hex digits.",
+    ),
 ]
 Foxglove = Annotated[
     int | None,
@@ -89,7 +95,7 @@ Foxglove = Annotated[
 
 Duration = Annotated[float | None, typer.Option(metavar="S", help="Length of the flight, seconds.")]
 Speedup = Annotated[
-    float, typer.Option(metavar="X", min=0.01, max=100.0, help="Times as fast as real time.")
+    float, typer.Option(metavar="X", min=0.01, max=100.0, help="Simulated seconds per real second.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")]
 Force = Annotated[
@@ -98,7 +104,8 @@ Force = Annotated[
 Controller = Annotated[
     str | None,
     typer.Option(
-        metavar="LAW", help="Instead of the file's controller.type; 'article exact' is not bounded."
+        metavar="LAW",
+        help="Law to fly by instead of the file's; 'article exact' is without bounds.",
     ),
 ]
 Settings = Annotated[
@@ -106,7 +113,7 @@ Settings = Annotated[
     typer.Option(
         "--set",
         metavar="FIELD=VALUE",
-        help="Instead of a field of the file, such as controller.k_x=0.3; may be given several times.",
+        help="Another value for a field, such as controller.k_x=0.3; may be given several times.",
     ),
 ]
 Plugins = Annotated[
@@ -114,7 +121,7 @@ Plugins = Annotated[
     typer.Option(
         "--plugin",
         metavar="FILE",
-        help="A file of Python with a law, path, link, autopilot or plant of your own; may be repeated.",
+        help="Python file with a law, path, link, autopilot or plant of your own; may be repeated.",
     ),
 ]
 

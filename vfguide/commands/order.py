@@ -57,11 +57,11 @@ def order(
     link: LinkUrls,
     spacing: Annotated[
         float | None,
-        typer.Option(metavar="M", min=1.0, max=1000.0, help="Between neighbours, metres."),
+        typer.Option(metavar="M", min=1.0, max=1000.0, help="Distance between neighbours, m."),
     ] = None,
     dry_run: Annotated[
         bool,
-        typer.Option("--dry-run", help="Rehearse it from the present state, and order nothing."),
+        typer.Option("--dry-run", help="Rehearse the order from the present state, and give none."),
     ] = False,
     key: KeyFile = None,
     roster: RosterFile = None,

@@ -65,7 +65,7 @@ def report(
         typer.Option(
             "--to",
             metavar="S",
-            help="Where it ends; without it once all have settled in their slots.",
+            help="Where it ends, s of the flight; default: once all have settled in their slots.",
         ),
     ] = None,
 ) -> None:

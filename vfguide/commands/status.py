@@ -185,7 +185,7 @@ def status(
     insecure: Insecure = False,
     as_json: AsJson = False,
     watch: Annotated[
-        bool, typer.Option("--watch", help="Again and again, once a second, until Ctrl-C.")
+        bool, typer.Option("--watch", help="Print it again once a second, until Ctrl-C.")
     ] = False,
 ) -> None:
     """Tell how the vehicles of a mission are, and whether they are ready: one line, go or no-go.

@@ -333,7 +333,7 @@ OWN_EMULATED = ("--plugin", EMULATED, "--autopilot", "brief")
         (MEASURED, "--plant: measured is not one of heading-hold, course-hold"),
         (("--plugin", "absent.py"), "--plugin absent.py: there is no such file of Python"),
         ((*OWN_PLANT, "--plant-option", "curse=1"), "measured has no option curse"),
-        ((*OWN_PLANT, "--plant-option", "curse"), "--plant-option: curse is not NAME=VALUE"),
+        ((*OWN_PLANT, "--plant-option", "curse"), "--plant-option: curse= is not NAME=NUMBER"),
         (("--autopilot", "brief"), "sitl-stub: --autopilot: brief is not one of ardupilot, px4"),
     ],
 )

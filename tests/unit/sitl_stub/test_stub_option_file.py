@@ -118,13 +118,14 @@ def test_what_a_mission_says_and_options_are_the_same_settings():
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({}, "--system-id: field required"),
+        ({}, "--system-id: is missing; see sitl-stub --help"),
         ({"system_id": "x"}, "--system-id: input should be a valid integer"),
         ({"system_id": 1, "alpha_1_s": {"a": 1}}, "--alpha: input should be a valid number"),
         ({"system_id": 1, "wind": {"type": "gale"}}, "--wind: 'gale' is not calm, article"),
         ({"system_id": 1, "gusts": [{"at_s": 3}]}, "length"),
         ({"system_id": 1, "route": 7}, "--route: not LAT,LON;LAT,LON"),
-        ({"system_id": 1, "plant_options": {"a": "b"}}, "could not convert string"),
+        ({"system_id": 1, "plant_options": {"a": "b"}}, "--plant-option: a=b is not NAME=NUMBER"),
+        ({"system_id": 1, "plant_options": {"a": None}}, "--plant-option: a=None is not"),
         ({"system_id": 1, "sensors": "best"}, "--sensors: input should be 'ideal', 'rtk'"),
     ],
 )
@@ -198,6 +199,26 @@ def test_a_wrong_option_is_one_line_and_status_2(options, said, capsys):
     errors = capsys.readouterr().err
     assert errors.count("\n") == 1
     assert errors.startswith("sitl-stub: ")
+    assert said in errors
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--system-id", "one"], "invalid value for '--system-id'"),
+        (["--sensors", "good"], "invalid value for '--sensors'"),
+        (["--no-such-option"], "no such option: --no-such-option"),
+        (["file.yaml"], "unexpected extra argument"),
+        (["--mavlink", "udpin://127.0.0.1:0"], "--system-id: is missing; see sitl-stub --help"),
+    ],
+)
+def test_a_wrong_command_line_is_one_line_and_status_2(options, said, capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["sitl-stub", *options])
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    assert caught.value.code == 2
+    errors = capsys.readouterr().err
+    assert errors.count("\n") == 1
     assert said in errors
 
 
