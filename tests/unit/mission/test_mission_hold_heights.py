@@ -62,6 +62,14 @@ def test_a_second_hold_is_where_the_first_was_left():
     assert len(timetable(climbing(*orders, fence={"max_height_m": 450}))) == 3
 
 
+def test_the_time_that_an_order_is_to_be_given_later_is_rounded_up():
+    first = {"at_s": 10, "shape": "vee"}
+    ((order, _),) = timetable(replaced("shapes", orders=[first]))
+    early = {"at_s": 10.0 + order.duration_s - 0.4, "shape": "trail"}
+    with pytest.raises(RefusedOrderError, match="give it 1 s more"):
+        timetable(replaced("shapes", orders=[first, early]))
+
+
 def refused_as(sentence: str | None) -> AbstractContextManager[object]:
     """Expect that an order is refused in a sentence, or is not."""
     return nullcontext() if sentence is None else pytest.raises(RefusedOrderError, match=sentence)
