@@ -54,6 +54,9 @@ GRID_S = 0.08
 MOST_S = 60.0
 """Limit of counted evidence, s: no autopilot matches the model exactly."""
 
+USUAL_LATE_S = 1.0
+"""Mean of the exponential prior of delays, s: a steady turn alone fits any pair of gain and delay."""
+
 LEAST_S = 2.0
 """Least evidence for a response, s."""
 
@@ -235,11 +238,12 @@ class HoldLearner:
         direction = value if turned is None else turned
         direction_before, self._direction = self._direction, direction
         rate_before, self._rate_seen = self._rate_seen, rate
-        if period > GAP_S or self._settling_s == 0.0:
+        commanded_s = time_s - self._setpoints[0][0]
+        if period > GAP_S or self._settling_s == 0.0 or commanded_s < self._kind.dead_times[-1]:
+            # Earlier commands are unknown; a lag begins at the measured rate, whatever they were.
             self._settling_s = min(period, GAP_S)
-            errors = self._errors(time_s, 0.0, value, angle=angle)
-            predicted = np.minimum(np.maximum(self._gains * errors, -limit), limit)
-            self._lagged, self._filtered, self._rate = predicted, predicted, rate or 0.0
+            self._rate = rate or 0.0
+            self._lagged = self._filtered = np.full_like(self._gains, self._rate)
             return
         # All quantities are means over the period, so that none is half a period early or late.
         change = apart(value, before, angle=angle)
@@ -328,11 +332,12 @@ class HoldLearner:
         left = self._left(factors) / seconds + floor
         # The low-pass makes neighbouring samples one piece of evidence.
         pieces = min(seconds, MOST_S) / (2.0 * self._kind.filter_s)
-        likelihoods = -0.5 * pieces * np.log(left)
+        lates = self._dead_times + self._lags
+        likelihoods = -0.5 * pieces * np.log(left) - lates / USUAL_LATE_S
         best = int(np.argmax(likelihoods))
         possible = likelihoods >= likelihoods[best] - AS_LIKELY
         gain = float(self._gains[best] * factors[best])
-        gains, late = self._gains[possible], (self._dead_times + self._lags)[possible]
+        gains, late = self._gains[possible], lates[possible]
         return HoldResponse(
             gain=gain,
             least=min(float(np.min(gains)) / half_step, gain),

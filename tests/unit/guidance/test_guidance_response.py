@@ -52,10 +52,19 @@ PERIOD = 0.05
 class Hold:
     """A hold of one number: rate = gain * lag(setpoint(t - T) - value), within a limit."""
 
-    def __init__(self, gain: float, dead_time: float, lag: float, limit: float = math.inf) -> None:
+    def __init__(
+        self,
+        gain: float,
+        dead_time: float,
+        lag: float,
+        limit: float = math.inf,
+        *,
+        earlier: float = 0.0,
+    ) -> None:
+        """It has followed a setpoint at `earlier` for long, and does so for the dead time."""
         self.gain, self.lag, self.limit = gain, lag, limit
-        self.value = self.rate = 0.0
-        self._on_the_way = deque([0.0] * round(dead_time / PERIOD))
+        self.value, self.rate = 0.0, gain * earlier
+        self._on_the_way = deque([earlier] * round(dead_time / PERIOD))
 
     def fly(self, setpoint: float) -> None:
         self._on_the_way.append(setpoint)
@@ -115,6 +124,16 @@ def test_more_noise_leaves_more_doubt():
         for noise in (0.0, 0.1)
     )
     assert shaken > 1.2 * still
+
+
+def test_what_was_flown_before_the_first_setpoint_does_not_count():
+    """It turns right by 0.12 rad/s and is sent left: that lasts 0.4 s, then the roll lags by 0.4 s."""
+    hold = Hold(1.0, 0.4, 0.4, earlier=0.12)
+    learner = learned(COURSE, hold, lambda t: weave(t) - 0.25, seconds=12.0, noise=0.002)
+    found = learner.response()
+    assert found.gain == pytest.approx(1.0, rel=0.2)
+    assert found.late == pytest.approx(0.8, abs=0.16)
+    assert found.explained > 0.98
 
 
 def test_an_aircraft_that_ignores_its_setpoints_has_no_response():
