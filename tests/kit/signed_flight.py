@@ -99,8 +99,8 @@ class Enrolled:
             name=self.name,
             leader=leader,
             session=session,
-            roster=flight.roster,
-            key=flight.keys[self.name],
+            roster=flight.roster if flight.signed else None,
+            key=flight.keys[self.name] if flight.signed else None,
             deputies=mission.deputies,
         )
         trust.recall(kept)
@@ -197,9 +197,10 @@ class Enrolled:
 class SignedFlight:
     """All members, and the wire between them."""
 
-    def __init__(self, mission: Mission) -> None:
-        """Put everybody into the air, with keys of their own."""
+    def __init__(self, mission: Mission, *, signed: bool = True) -> None:
+        """Put everybody into the air, with keys of their own if they sign at all."""
         self.mission = mission
+        self.signed = signed
         self.names = [mission.leader.vehicle, *mission.followers_by_name]
         self.now = 0.0
         self.times: list[float] = []

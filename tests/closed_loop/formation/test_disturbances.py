@@ -7,11 +7,13 @@ from random import Random
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.kit.formation import GUIDED, LOITER, Formation
-from tests.kit.missions import on_the_circle
+from tests.kit.missions import content_of, on_the_circle
 from vfguide.link.codec import decode, encode
 from vfguide.link.memory import Mail
+from vfguide.mission import Mission
 
 SETTLED_S = 12.0
 """From here on everyone who started like that has settled."""
@@ -36,20 +38,34 @@ def test_formation_is_kept_over_a_bad_link():
     assert flown.nearest() >= 5.0
 
 
-@pytest.mark.parametrize(("name", "length_s"), [("f1", 5.0), ("f2", 10.0), ("f3", 5.0)])
-def test_a_follower_that_its_pilot_borrows_comes_back(name, length_s):
+ARDUPLANE = {"LOITER": (LOITER,), "GUIDED": (GUIDED,)}
+PX4 = {"AUTO.LOITER": (4, 3), "AUTO.COURSE": (4, 19)}
+"""What a pilot selects: the autopilot's own loiter, and what a companion steers by."""
+
+
+@pytest.mark.parametrize(
+    ("name", "length_s", "modes"),
+    [("f1", 5.0, ARDUPLANE), ("f2", 10.0, ARDUPLANE), ("f3", 5.0, ARDUPLANE), ("f1", 5.0, PX4)],
+)
+def test_a_follower_that_its_pilot_borrows_comes_back(name, length_s, modes):
     returned_s = SETTLED_S + length_s
-    formation = launched()
+    (loiter, by_pilot), (guided, by_companion) = modes.items()
+    content = content_of(on_the_circle(rate_hz=10.0))
+    content["vehicles"][name]["autopilot"] = "px4" if modes is PX4 else "ardupilot"
+    formation = Formation(Mission.model_validate(content))
     formation.fly(SETTLED_S)
     borrowed = formation.emulators[name]
-    borrowed.select(LOITER)
+    assert borrowed.truth().mode == guided
+    assert borrowed.select(*by_pilot) == [mavlink.MAV_RESULT_ACCEPTED]
     before = borrowed.setpoints
     formation.fly(returned_s)
+    # Nobody but the pilot has touched the mode in the meantime.
     assert borrowed.setpoints == before > 0
-    assert borrowed.truth().mode == "LOITER"
-    borrowed.select(GUIDED)
+    assert borrowed.truth().mode == loiter
+    assert borrowed.select(*by_companion) == [mavlink.MAV_RESULT_ACCEPTED]
     flown = formation.fly(returned_s + RECOVERY_S + 10.0)
     assert borrowed.setpoints > before
+    assert borrowed.truth().mode == guided
     assert flown.errors(SETTLED_S, returned_s).max() > 10.0
     assert flown.errors(returned_s + RECOVERY_S).max() < 1.0
     assert flown.nearest() >= 5.0

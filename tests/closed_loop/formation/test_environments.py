@@ -10,15 +10,8 @@ from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 import vfguide
-from tests.kit.missions import (
-    MISSIONS,
-    ROOT,
-    in_place,
-    mission_with,
-    on_the_circle,
-    replaced,
-    shipped,
-)
+from tests.kit import missions
+from tests.kit.missions import in_place, mission_with, on_the_circle, replaced, shipped
 from vfguide import errors
 from vfguide.errors import InputError, VfguideError
 from vfguide.lab import environment as environments
@@ -126,18 +119,24 @@ def test_gymnasium_finds_nothing_wrong():
 def test_a_seed_makes_a_flight_and_those_that_follow_it():
     flown = vfguide.environment(shipped("line-calm"), **UNEVEN)
 
-    def begun(seed: int | None = None) -> bytes:
-        return b"".join(seen.tobytes() for seen in flown.reset(seed)[0].values())
+    def seen(seed: int | None = None) -> bytes:
+        return b"".join(one.tobytes() for one in flown.reset(seed)[0].values())
 
-    assert begun() == begun(shipped("line-calm").rehearsal.seed)
-    again = [begun(7), begun(), begun()]
-    assert [begun(7), begun(), begun()] == again
+    assert seen() == seen(shipped("line-calm").rehearsal.seed)
+    again = [seen(7), seen(), seen()]
+    assert [seen(7), seen(), seen()] == again
     assert len({*again}) == 3
 
 
-def test_all_end_with_the_mission_and_bring_the_flight_home():
-    flown = vfguide.environment(in_place("line-calm"), **SHORT)
+def begun(**sections: Any) -> Any:
+    """An environment of a line in calm air, everybody in the slot, whose flight has begun."""
+    flown = vfguide.environment(in_place("line-calm", **sections), **SHORT)
     flown.reset()
+    return flown
+
+
+def test_all_end_with_the_mission_and_bring_the_flight_home():
+    flown = begun()
     steps = 0
     while flown.agents:
         observations, rewards, terminated, truncated, infos = flown.step(
@@ -160,7 +159,7 @@ def test_all_end_with_the_mission_and_bring_the_flight_home():
 def test_one_agent_turns_as_it_asks_and_the_others_fly_by_the_missions_law():
     one = vfguide.environment(in_place("line-calm"), follower="f2", **SHORT)
     _, info = one.reset()
-    begun = info["distance_m"]
+    from_m = info["distance_m"]
     ended = False
     while not ended:
         observation, _, lost, ended, info = one.step(np.array([1.0, 0.0]))
@@ -169,14 +168,12 @@ def test_one_agent_turns_as_it_asks_and_the_others_fly_by_the_missions_law():
     assert observation[1] < -5.0
     assert observation[4] > 0.5
     home = vfguide.Flight(flown=one.formation.brought_home())
-    assert info["distance_m"] > begun + 5.0
+    assert info["distance_m"] > from_m + 5.0
     assert home.errors["f1"].distance_m[-1] < 1.0
 
 
 def test_who_loses_its_companion_is_lost_and_the_others_fly_on():
-    losses = [{"vehicle": "f1", "at_s": 2.0, "what": "companion"}]
-    flown = vfguide.environment(in_place("line-calm", losses=losses), **SHORT)
-    flown.reset()
+    flown = begun(losses=[{"vehicle": "f1", "at_s": 2.0, "what": "companion"}])
     ends = {}
     while flown.agents:
         _, rewards, terminated, truncated, _ = flown.step(dict.fromkeys(flown.agents, STILL))
@@ -191,8 +188,7 @@ def test_who_loses_its_companion_is_lost_and_the_others_fly_on():
 def test_who_comes_too_near_to_another_is_lost(monkeypatch, least_m, ended):
     """Slots are 20 m behind the leader and 20 m beside it: 28.3 m away from it and from the one behind."""
     monkeypatch.setattr(environments, "COLLISION_M", least_m)
-    flown = vfguide.environment(in_place("line-calm"), **SHORT)
-    flown.reset()
+    flown = begun()
     *_, terminated, _, _ = flown.step({})
     assert {name for name, lost in terminated.items() if lost} == ended
     assert {*flown.agents} == {"f1", "f2", "f3"} - ended
@@ -204,16 +200,8 @@ def test_the_usual_reward_is_the_square_of_the_distance_near_the_slot_and_bounde
         flown.step({})
 
     def worth(distance_m: float, *, action: tuple[float, float] = (0.0, 0.0), lost: bool = False):
-        return usual_reward(
-            FlownStep(
-                view=flown.views["f1"],
-                action=np.array(action),
-                distance_m=distance_m,
-                nearest_m=28.0,
-                lost=lost,
-                left=40,
-            )
-        )
+        step = {"action": np.array(action), "distance_m": distance_m, "lost": lost}
+        return usual_reward(FlownStep(view=flown.views["f1"], nearest_m=28.0, left=40, **step))
 
     assert worth(0.0) == 0.0
     assert worth(0.1) == pytest.approx(-0.0001, rel=1e-3)
@@ -279,7 +267,7 @@ LEARNED = [[0.36, 0.10, 0.07], [-0.08, 0.41, -0.07]]
 @pytest.fixture(scope="module")
 def example() -> Any:
     """The example as a module."""
-    spec = spec_from_file_location("learned_law", ROOT / "examples" / "learned_law.py")
+    spec = spec_from_file_location("learned_law", missions.ROOT / "examples" / "learned_law.py")
     assert spec is not None
     assert spec.loader is not None
     module = module_from_spec(spec)
@@ -288,7 +276,7 @@ def example() -> Any:
 
 
 def test_the_example_tells_better_weights_from_worse(example):
-    mission = str(MISSIONS / "line-calm.yaml")
+    mission = str(missions.MISSIONS / "line-calm.yaml")
     learned, idle, reversed_ = example.scores(
         mission, [np.array(LEARNED), np.zeros((2, 3)), -np.array(LEARNED)], 1
     )

@@ -115,32 +115,22 @@ def leader_stops(circle: Mission) -> Flown:
     return fly(circle, {}, starts(len(LOST_S), SLOWER_S), stops={"leader": stops})
 
 
+@pytest.mark.parametrize("stopped", [False, True], ids=["its clock slips", "it stands still"])
 @pytest.mark.parametrize("number", range(len(LOST_S)))
-def test_followers_follow_again_3_s_after_the_leaders_clock_has_slipped(
-    number, undisturbed, leader_slips
+def test_followers_follow_again_3_s_after_the_leader_has_lost_time(
+    number, stopped, undisturbed, leader_slips, leader_stops
 ):
+    flown = leader_stops if stopped else leader_slips
     begins = starts(number, SLOWER_S)
-    ends = begins + SLOWER_S
-    over = begins + LOST_S[number] + 3.0
-    # One that stands still for longer than 1.5 s is not waited for.
-    found = "clock has lost" if LOST_S[number] < 1.5 else "boot times stand still"
-    assert any(found in text for text in leader_slips.said("leader", begins, over))
+    ends, over = begins + SLOWER_S, begins + LOST_S[number] + 3.0
+    # A clock that stands still for longer than 1.5 s is not waited for.
+    found = "clock has lost" if stopped or LOST_S[number] < 1.5 else "boot times stand still"
+    assert any(found in text for text in flown.said("leader", begins, over))
     for name in ("f1", "f2"):
-        assert leader_slips.off(undisturbed, name, begins, ends) < OFF_M[number]
-        assert leader_slips.mode_at(name, over) in STEERED
-        assert set(leader_slips.mode_changes(name, over, ends)) <= STEERED
-    assert leader_slips.nearest(begins, ends) > LEAST_M
-
-
-@pytest.mark.parametrize("number", range(len(LOST_S)))
-def test_followers_follow_again_3_s_after_the_leader_stood_still(number, leader_stops):
-    begins = starts(number, SLOWER_S)
-    over = begins + LOST_S[number] + 3.0
-    assert any("clock has lost" in text for text in leader_stops.said("leader", begins, over))
-    for name in ("f1", "f2"):
-        assert leader_stops.mode_at(name, over) in STEERED
-        assert set(leader_stops.mode_changes(name, over, begins + SLOWER_S)) <= STEERED
-    assert leader_stops.nearest(begins, begins + SLOWER_S) > LEAST_M
+        assert stopped or flown.off(undisturbed, name, begins, ends) < OFF_M[number]
+        assert flown.mode_at(name, over) in STEERED
+        assert set(flown.mode_changes(name, over, ends)) <= STEERED
+    assert flown.nearest(begins, ends) > LEAST_M
 
 
 def ahead(metres: float, start_s: float, length_s: float) -> Fault:
@@ -170,16 +160,11 @@ def test_a_leader_whose_position_stays_40_m_ahead_is_handed_back_and_the_formati
     assert any("from where it can be: not steered" in text for text in said)
     assert "autopilot: Mode LOITER" in leader_ahead.said("leader", 20.0, 48.0)
     for name in ("f1", "f2"):
-        assert leader_ahead.mode_changes(name, 50.0, 65.0)[-3:] == [
-            "predicting",
-            "breakaway",
-            "lost",
-        ]
+        changes = leader_ahead.mode_changes(name, 50.0, 65.0)
+        assert changes[-3:] == ["predicting", "breakaway", "lost"]
         assert "autopilot: Mode LOITER" in leader_ahead.said(name, 63.0, 70.0)
-        assert any(
-            "the leader reports what cannot be" in one
-            for one in leader_ahead.said(name, 50.0, 51.0)
-        )
+        told = leader_ahead.said(name, 50.0, 51.0)
+        assert any("the leader reports what cannot be" in one for one in told)
 
 
 @pytest.mark.parametrize("vehicle", ["leader", "f1", "f2"])
@@ -208,10 +193,8 @@ def test_place_and_velocity_that_are_repeated_while_stamps_go_on_are_not_flown_b
     kinds = ("frozen", "held")
     flown = fly(circle, {"f1": [Fault(kind, 10.0, length_s) for kind in kinds]}, 22.0)
     assert flown.nearest(9.0) > LEAST_M
-    assert (
-        "do not change in flight: flown on by heading and airspeed"
-        in flown.said("f1", 9.9, 12.0)[0]
-    )
+    told = "do not change in flight: flown on by heading and airspeed"
+    assert told in flown.said("f1", 9.9, 12.0)[0]
     # Right again with the first report that differs.
     back_s = 10.0 + length_s + 0.5
     assert any("are right again" in text for text in flown.said("f1", 11.0, back_s))

@@ -45,17 +45,17 @@ def late(name: str, wind: dict[str, Any], **emulator: float) -> FormationSummary
     return fly(Mission.model_validate(content)).summary.formation
 
 
-def test_a_line_is_held_within_half_a_metre():
-    assert late("line-wind", STEADY).mean_error_m < 0.5
-
-
-def test_a_circle_is_held_within_three_quarters_of_a_metre():
-    assert late("circle-wind", STEADY).mean_error_m < 0.75
-
-
-@pytest.mark.parametrize("name", ["line-wind", "circle-wind"])
-def test_in_the_articles_wind_it_is_within_a_metre_and_a_half(name):
-    assert late(name, {"type": "article"}).mean_error_m < 1.5
+@pytest.mark.parametrize(
+    ("name", "wind", "most_m"),
+    [
+        ("line-wind", STEADY, 0.5),
+        ("circle-wind", STEADY, 0.75),
+        ("line-wind", {"type": "article"}, 1.5),
+        ("circle-wind", {"type": "article"}, 1.5),
+    ],
+)
+def test_slots_are_held(name, wind, most_m):
+    assert late(name, wind).mean_error_m < most_m
 
 
 def test_a_profile_that_is_a_little_wrong_does_no_harm():
@@ -106,20 +106,18 @@ def slipping(share: float, *, slips: bool | str) -> tuple[float, list[str]]:
     return float(np.mean(flown.errors()[-1][learned])), said
 
 
-def test_one_that_slips_is_flown_as_near_as_where_the_mission_says_so():
-    declared, silent = slipping(0.745, slips=True)
-    found, said = slipping(0.745, slips="auto")
-    assert silent == []
+@pytest.mark.parametrize(
+    ("share", "slips", "told"),
+    [(0.745, True, "flown as a vehicle that slips"), (1.0, False, "it does not slip")],
+)
+def test_whether_one_slips_is_found_and_it_flies_as_near_as_where_the_mission_says_so(
+    share, slips, told
+):
+    declared, silent = slipping(share, slips=slips)
+    found, said = slipping(share, slips="auto")
+    assert not (slips and silent)
     assert len(said) == 2
-    assert all("flown as a vehicle that slips" in text for text in said)
-    assert found < 1.1 * declared + 0.05
-
-
-def test_one_that_does_not_slip_loses_nothing():
-    declared, _ = slipping(1.0, slips=False)
-    found, said = slipping(1.0, slips="auto")
-    assert len(said) == 2
-    assert all("it does not slip" in text for text in said)
+    assert all(told in text for text in said)
     assert found < 1.1 * declared + 0.05
 
 

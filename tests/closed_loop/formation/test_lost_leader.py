@@ -7,7 +7,6 @@ from tests.benchmarks.strays import LEAST_M
 from tests.benchmarks.succession import figures, flown
 from tests.kit.flight import fly
 from tests.kit.missions import content_of, in_place
-from vfguide.lab.report.figures import pair_separations, slot_error
 from vfguide.mission import Mission
 
 RATE_HZ = 10.0
@@ -51,23 +50,17 @@ def test_a_neighbour_ten_metres_away_that_is_lost_in_a_turn_is_climbed_over(lost
     loss = {"vehicle": "f1", "at_s": lost_s}
     content["rehearsal"] |= {"duration_s": lost_s + 12.0, "start": {}, "losses": [loss]}
     content["rehearsal"]["rate_hz"] = RATE_HZ
-    record = fly(Mission.model_validate(content)).record
-    lost = record.time_s >= lost_s
-    nearest_m = min(float(pair.distance_m[lost].min()) for pair in pair_separations(record))
-    assert nearest_m >= LEAST_M
+    assert fly(Mission.model_validate(content)).nearest(lost_s) >= LEAST_M
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_a_pilot_takes_a_follower_for_a_while_and_gives_it_back(autopilot):
     taken = {"vehicle": "f1", "at_s": 8.0, "for_s": 6.0, "what": "guidance"}
-    mission = in_place("line-calm", duration_s=70.0, rate_hz=RATE_HZ, losses=[taken])
-    content = content_of(mission)
+    content = content_of(in_place("line-calm", duration_s=70.0, rate_hz=RATE_HZ, losses=[taken]))
     for vehicle in content["vehicles"].values():
         vehicle["autopilot"] = autopilot
-    record = fly(Mission.model_validate(content)).record
-    f1 = record.followers[0]
-    off_m = slot_error(record.reference, f1).distance_m
+    flown = fly(Mission.model_validate(content))
     # It circles meanwhile, and is in its slot again afterwards.
-    assert off_m[np.abs(record.time_s - 7.0) < 0.9].max() < 2.0
-    assert 100.0 < off_m.max() < 500.0
-    assert off_m[-1] < 1.0
+    assert flown.errors(6.1, 7.9)[0].max() < 2.0
+    assert 100.0 < flown.errors()[0].max() < 500.0
+    assert flown.errors()[0][-1] < 1.0

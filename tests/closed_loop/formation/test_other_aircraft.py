@@ -38,25 +38,12 @@ class Intruder:
         place = self.place(now)
         latitude, longitude = self._frame.to_geodetic(place.real, place.imag)
         course = math.degrees(cmath.phase(self._velocity)) % 360.0
-        flags = (
-            mavlink.ADSB_FLAGS_VALID_COORDS
-            | mavlink.ADSB_FLAGS_VALID_ALTITUDE
-            | mavlink.ADSB_FLAGS_VALID_HEADING
-            | mavlink.ADSB_FLAGS_VALID_VELOCITY
-        )
+        valid = ("COORDS", "ALTITUDE", "HEADING", "VELOCITY")
         message = mavlink.MAVLink_adsb_vehicle_message(
-            0x4B1900,
-            round(latitude * 1e7),
-            round(longitude * 1e7),
-            mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC,
-            round(self._altitude * 1e3),
-            round(course * 1e2),
-            round(abs(self._velocity) * 1e2),
-            0,
-            b"HB123",
-            1,
-            0,
-            flags,
+            *(0x4B1900, round(latitude * 1e7), round(longitude * 1e7)),
+            *(mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC, round(self._altitude * 1e3)),
+            *(round(course * 1e2), round(abs(self._velocity) * 1e2), 0, b"HB123", 1, 0),
+            sum(getattr(mavlink, f"ADSB_FLAGS_VALID_{name}") for name in valid),
             0,
         )
         return bytes(message.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=1)))

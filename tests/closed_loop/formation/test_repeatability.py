@@ -1,6 +1,9 @@
 """The same seed gives the same bytes, in one process or in several."""
 
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from tests.kit.missions import mission_with
 from vfguide.lab.rehearsal.lockstep import fly_lockstep
@@ -29,12 +32,19 @@ def test_same_seed_same_bytes_and_another_seed_others(tmp_path):
     assert first["f1"] != second["f1"]
 
 
-def test_gusts_and_wandering_receivers_are_the_same_in_every_process(tmp_path):
-    mission = mission_with(
-        "circle-wind",
-        wind={"turbulence": "moderate"},
-        rehearsal={"duration_s": 5.0, "sensors": "standalone"},
-    )
+GUSTY: dict[str, Any] = {
+    "wind": {"turbulence": "moderate"},
+    "rehearsal": {"duration_s": 5.0, "sensors": "standalone"},
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "sections"),
+    [("circle-wind", GUSTY), ("foreign-leader", {"rehearsal": {"duration_s": 10.0}})],
+    ids=["gusts and wandering receivers", "a leader without a companion"],
+)
+def test_a_flight_is_the_same_in_every_process(name, sections, tmp_path):
+    mission = mission_with(name, **sections)
     assert bytes_of(mission, 2, tmp_path) == bytes_of(mission, 1, tmp_path)
 
 

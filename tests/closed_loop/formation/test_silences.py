@@ -2,8 +2,9 @@
 
 import pytest
 
+from tests.kit.flight import fly
 from tests.kit.formation import Formation
-from tests.kit.missions import mission_with
+from tests.kit.missions import mission_with, on_the_circle, replaced
 from vfguide.companion.traffic import FORGET_S
 from vfguide.link.memory import Mail
 
@@ -64,3 +65,16 @@ def test_a_formation_whose_leader_is_lost_for_good_comes_apart(name):
         assert "tracking" in flown.modes(follower)[:-3]
         assert flown.modes(follower)[-3:] == ["predicting", "breakaway", "lost"]
     assert flown.nearest(among={"f1", "f2", "f3"}) >= 5.0
+
+
+def test_one_that_loses_the_link_for_good_breaks_away_and_the_others_fly_on():
+    lost_s, prediction_s = 15.0, 10.0
+    loss = {"vehicle": "f1", "at_s": lost_s, "what": "link"}
+    mission = on_the_circle(rate_hz=10.0, duration_s=60.0, losses=[loss])
+    flown = fly(replaced(mission, patience={"prediction_s": prediction_s}))
+    assert flown.modes("f1")[-3:] == ["predicting", "breakaway", "lost"]
+    # In the article's wind, by what it heard last.
+    assert flown.errors(lost_s, lost_s + prediction_s - 1.0)[0].max() < 5.0
+    assert flown.errors(lost_s + prediction_s + 15.0)[0].min() > 30.0
+    assert flown.errors(57.0)[1:].max() < 1.0
+    assert flown.nearest() >= 5.0

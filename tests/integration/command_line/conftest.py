@@ -69,6 +69,19 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     return run
 
 
+@pytest.fixture
+def refusal(command: Command) -> Callable[..., str]:
+    """Runs a command that is refused; the one line that says why."""
+
+    def refused(*arguments: str | Path) -> str:
+        outcome = command(*arguments)
+        assert (outcome.status, outcome.out) == (2, "")
+        (line,) = outcome.lines
+        return line
+
+    return refused
+
+
 @pytest.fixture(scope="session")
 def process() -> Command:
     """Runs a command as a process of its own."""

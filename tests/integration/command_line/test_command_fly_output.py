@@ -6,7 +6,6 @@ import os
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -159,46 +158,36 @@ def test_a_directory_is_made_with_those_above_it(command, alone_with, tmp_path):
     ("place", "reason"), [("file", "it is a file"), ("file/below", "Not a directory")]
 )
 def test_a_directory_that_cannot_be_made_is_one_line_before_flying(
-    command, alone_with, tmp_path, place, reason
+    refusal, alone_with, tmp_path, place, reason
 ):
     (tmp_path / "file").write_text("kept")
-    outcome = command("fly", alone_with(), "--out", tmp_path / place)
-    assert outcome.status == 2
-    assert outcome.lines == [
+    assert refusal("fly", alone_with(), "--out", tmp_path / place) == (
         f"{tmp_path / place}: cannot be written to ({reason}); give another directory with --out"
-    ]
+    )
     assert (tmp_path / "file").read_text() == "kept"
 
 
-def test_a_name_that_is_taken_by_a_directory_is_one_line(command, alone_with, tmp_path):
-    (tmp_path / "one.tlog").mkdir()
-    outcome = command("fly", alone_with(), "--duration", 1, "--out", tmp_path)
-    assert outcome.status == 2
-    assert outcome.lines == [
-        f"{tmp_path / 'one.tlog'}: is a directory; give another directory with --out"
-    ]
+def test_a_name_that_is_taken_by_a_directory_is_one_line(refusal, alone_with, tmp_path):
+    taken = tmp_path / "one.tlog"
+    taken.mkdir()
+    line = refusal("fly", alone_with(), "--duration", 1, "--out", tmp_path)
+    assert line == f"{taken}: is a directory; give another directory with --out"
 
 
 @pytest.mark.usefixtures("one_plot")
 def test_a_flight_takes_the_place_of_the_same_mission_and_of_nothing_else(
-    command, alone_with, tmp_path
+    command, refusal, alone_with, tmp_path
 ):
     out = tmp_path / "out"
-
-    def fly(*options: object) -> SimpleNamespace:
-        outcome: SimpleNamespace = command(
-            "fly", alone_with(), "--duration", 1, "--out", out, *options
-        )
-        return outcome
-
-    assert fly().status == 0
+    fly = ("fly", alone_with(), "--duration", 1, "--out", out)
+    assert command(*fly).status == 0
     first = (out / "flight.npz").stat().st_ino
     (out / "notes.txt").write_text("mine")
     elsewhere = tmp_path / "elsewhere"
     elsewhere.write_text("precious")
     (out / "tracks.png").unlink()
     (out / "tracks.png").symlink_to(elsewhere)
-    assert fly().status == 0
+    assert command(*fly).status == 0
     assert (out / "flight.npz").stat().st_ino != first
     assert (out / "notes.txt").read_text() == "mine"
     assert elsewhere.read_text() == "precious"
@@ -208,10 +197,8 @@ def test_a_flight_takes_the_place_of_the_same_mission_and_of_nothing_else(
     summary = json.loads((out / "summary.json").read_text())
     (out / "summary.json").write_text(json.dumps({**summary, "mission": "another"}))
     (out / "old.tlog").write_text("another's, but of no vehicle of it")
-    outcome = fly()
-    assert outcome.status == 2
-    assert outcome.lines == [f"{out}: holds a flight of the mission 'another'; {REMEDY}"]
-    assert fly("--force").status == 0
+    assert refusal(*fly) == f"{out}: holds a flight of the mission 'another'; {REMEDY}"
+    assert command(*fly, "--force").status == 0
     assert json.loads((out / "summary.json").read_text())["mission"] == summary["mission"]
 
 
@@ -242,22 +229,19 @@ def test_what_a_broken_flight_left_is_kept_and_told(command, alone_with, tmp_pat
     assert list(tmp_path.glob(".partial-*")) == [left]
 
 
-def test_what_no_flight_wrote_is_not_overwritten(command, alone_with, tmp_path):
+def test_what_no_flight_wrote_is_not_overwritten(refusal, alone_with, tmp_path):
     page = tmp_path / "report.html"
     page.write_text("mine")
-    outcome = command("fly", alone_with(), "--duration", 1, "--out", tmp_path)
-    assert outcome.status == 2
-    assert outcome.lines == [f"{page}: is there already, and no flight has written it; {REMEDY}"]
+    line = refusal("fly", alone_with(), "--duration", 1, "--out", tmp_path)
+    assert line == f"{page}: is there already, and no flight has written it; {REMEDY}"
     assert page.read_text() == "mine"
     assert list(tmp_path.glob("*.tlog")) == []
 
 
-def test_a_link_is_not_followed_out(command, alone_with, tmp_path):
+def test_a_link_is_not_followed_out(refusal, alone_with, tmp_path):
     (tmp_path / "real").mkdir()
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "real")
-    outcome = command("fly", alone_with(), "--duration", 1, "--out", link)
-    assert outcome.status == 2
-    (line,) = outcome.lines
+    line = refusal("fly", alone_with(), "--duration", 1, "--out", link)
     assert "is a symbolic link" in line
     assert list((tmp_path / "real").iterdir()) == []

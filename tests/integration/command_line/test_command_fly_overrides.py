@@ -102,9 +102,6 @@ def test_what_an_option_asks_for_is_not_blamed_on_the_file(command, pair_with):
     assert line.endswith("rehearsal of 5 s; lengthen --duration or ask for earlier settling")
 
 
-def test_nothing_can_be_replaced_where_nothing_is_written(command, pair_with):
-    outcome = command("fly", pair_with(), "--force")
-    assert outcome.status == 2
-    assert outcome.lines == [
-        "--force: nothing is replaced without --out; add --out DIR, or leave it out"
-    ]
+def test_nothing_can_be_replaced_where_nothing_is_written(refusal, pair_with):
+    line = refusal("fly", pair_with(), "--force")
+    assert line == "--force: nothing is replaced without --out; add --out DIR, or leave it out"

@@ -45,11 +45,23 @@ def keyed(command: Make, mission: Path) -> Path:
     return mission
 
 
-def refusal(command: Make, mission: Path, *options: object) -> list[str]:
+@pytest.fixture
+def refused(refusal: Make, mission: Path) -> Make:
     """What the companion of the follower says that refuses to start."""
-    outcome = command("companion", "wing", "--mission", mission, *options)
-    assert outcome.status == 2
-    return outcome.lines
+    return lambda *options: refusal("companion", "wing", "--mission", mission, *options)
+
+
+@pytest.fixture
+def refused_by_radio(command: Make, mission: Path) -> Make:
+    """The last thing that it says of a link by radio, after what it says of radios."""
+
+    def refuse(*options: object) -> str:
+        outcome = command("companion", "wing", "--mission", mission, COMPANION[0], *options)
+        assert outcome.status == 2
+        last: str = outcome.lines[-1]
+        return last
+
+    return refuse
 
 
 @pytest.mark.parametrize("keys", ["", ".", "/"])
@@ -87,7 +99,7 @@ def test_to_make_keys_again_changes_nothing_and_a_new_vehicle_gets_one(command, 
     assert "for tail alone" in outcome.out
 
 
-def test_a_key_that_is_rotated_replaces_one_and_no_other(command, keyed):
+def test_a_key_that_is_rotated_replaces_one_and_no_other(command, refusal, keyed):
     before = read_roster(key_places(keyed).roster)
     outcome = command("keys", "rotate", keyed, "wing")
     assert outcome.status == 0
@@ -96,9 +108,8 @@ def test_a_key_that_is_rotated_replaces_one_and_no_other(command, keyed):
     assert after.vehicles["lead"] == before.vehicles["lead"]
     assert after.operators == before.operators
     assert command("keys", "rotate", keyed).out.count("new private key") == 3
-    outcome = command("keys", "rotate", keyed, "nobody")
-    assert outcome.status == 2
-    assert outcome.lines == ["nobody is not a member of pair; its members are lead, wing, operator"]
+    line = refusal("keys", "rotate", keyed, "nobody")
+    assert line == "nobody is not a member of pair; its members are lead, wing, operator"
 
 
 async def test_a_companion_keeps_that_a_key_is_revoked_over_a_restart_and_says_so(keyed, tmp_path):
@@ -122,14 +133,12 @@ async def test_a_companion_keeps_that_a_key_is_revoked_over_a_restart_and_says_s
     assert "revoked_lead" not in shown.out
 
 
-def test_nobody_without_an_operators_key_revokes_one(command, keyed):
+def test_nobody_without_an_operators_key_revokes_one(refusal, keyed):
     key_places(keyed).private("operator").unlink()
-    outcome = command("keys", "revoke", keyed, "wing", COMPANION[1])
-    assert outcome.status == 2
-    [line] = outcome.lines
+    line = refusal("keys", "revoke", keyed, "wing", COMPANION[1])
     assert line == "a key is revoked by an operator: give an operator's private key with --key"
     key_places(keyed).roster.unlink()
-    [line] = command("keys", "revoke", keyed, "wing", COMPANION[1]).lines
+    line = refusal("keys", "revoke", keyed, "wing", COMPANION[1])
     assert line.endswith("there is no roster; make keys with `vfguide keys make MISSION`")
 
 
@@ -148,18 +157,18 @@ def test_who_has_which_key_is_shown_and_what_is_wrong_with_it(command, keyed):
     assert command("keys", "show", keyed).status == 0
 
 
-def test_a_companion_without_a_key_says_how_to_make_one(command, mission):
-    (line,) = refusal(command, mission, *COMPANION)
+def test_a_companion_without_a_key_says_how_to_make_one(refused, mission):
+    line = refused(*COMPANION)
     assert line == (
         f"{mission.with_suffix('.keys')}/wing.key: there is no private key of 'wing'; make keys with"
         " `vfguide keys make MISSION`, or type --insecure to believe anybody"
     )
 
 
-def test_a_private_key_that_others_may_read_is_refused(command, keyed):
+def test_a_private_key_that_others_may_read_is_refused(refused, keyed):
     path = key_places(keyed).private("wing")
     path.chmod(0o640)
-    (line,) = refusal(command, keyed, *COMPANION)
+    line = refused(*COMPANION)
     assert line == f"{path}: others may read this private key; run: chmod 600 {path}"
 
 
@@ -183,19 +192,19 @@ def test_one_radio_key_is_made_for_all_and_replaced_when_any_key_is(command, key
         ("no key", 0o600, "is no radio key of 64 hexadecimal digits"),
     ],
 )
-def test_a_radio_key_that_cannot_be_used_is_one_line(command, keyed, content, mode, fault):
+def test_a_radio_key_that_cannot_be_used_is_one_line(refused_by_radio, keyed, content, mode, fault):
     path = key_places(keyed).radio
     path.write_text(content)
     path.chmod(mode)
-    assert fault in refusal(command, keyed, COMPANION[0], f"{RADIO}?key={path}")[-1]
+    assert fault in refused_by_radio(f"{RADIO}?key={path}")
 
 
-def test_a_radio_without_its_key_says_how_to_make_one(command, keyed):
-    line = refusal(command, keyed, COMPANION[0], RADIO)[-1]
+def test_a_radio_without_its_key_says_how_to_make_one(refused_by_radio, keyed):
+    line = refused_by_radio(RADIO)
     assert "a radio needs the formation's radio key" in line
     assert "vfguide keys make" in line
     insecure = (f"{RADIO}?key={key_places(keyed).radio}", "--insecure")
-    assert "leave key= out" in refusal(command, keyed, COMPANION[0], *insecure)[-1]
+    assert "leave key= out" in refused_by_radio(*insecure)
 
 
 def test_what_systemd_hands_over_counts_as_kept(keyed):
@@ -207,17 +216,17 @@ def test_what_systemd_hands_over_counts_as_kept(keyed):
         read_private_key(path, {"CREDENTIALS_DIRECTORY": "/run/credentials"})
 
 
-def test_a_roster_that_does_not_name_the_own_key_is_one_line(command, keyed):
+def test_a_roster_that_does_not_name_the_own_key_is_one_line(command, refused, keyed):
     own = key_places(keyed).private("wing").read_bytes()
     assert command("keys", "rotate", keyed, "wing").status == 0
     key_places(keyed).private("wing").write_bytes(own)
-    (line,) = refusal(command, keyed, *COMPANION)
+    line = refused(*COMPANION)
     assert line.startswith("the private key of 'wing' is not the one that the roster names")
 
 
 @pytest.mark.parametrize("option", ["--key", "--roster"])
-def test_insecure_goes_with_no_key(command, keyed, option):
-    (line,) = refusal(command, keyed, *COMPANION, "--insecure", option, keyed)
+def test_insecure_goes_with_no_key(refused, keyed, option):
+    line = refused(*COMPANION, "--insecure", option, keyed)
     assert line == "--insecure: nothing is signed; leave it out, or --key and --roster"
 
 
@@ -239,15 +248,15 @@ def test_insecure_goes_with_no_key(command, keyed, option):
         (b"x" * 300_000, "too long"),
     ],
 )
-def test_a_roster_that_is_none_is_one_line(command, keyed, content, fault):
+def test_a_roster_that_is_none_is_one_line(refused, keyed, content, fault):
     roster = key_places(keyed).roster
     roster.write_bytes(content)
-    (line,) = refusal(command, keyed, *COMPANION)
+    line = refused(*COMPANION)
     assert line.startswith(f"{roster}: ")
     assert fault in line
 
 
-def test_a_key_of_another_kind_is_refused(command, keyed):
+def test_a_key_of_another_kind_is_refused(refused, keyed):
     path = key_places(keyed).private("wing")
     other = generate_private_key(65537, 2048)
     for content in (
@@ -256,18 +265,16 @@ def test_a_key_of_another_kind_is_refused(command, keyed):
         b"",
     ):
         path.write_bytes(content)
-        (line,) = refusal(command, keyed, *COMPANION)
+        line = refused(*COMPANION)
         assert line == f"{path}: is no private Ed25519 key in PEM form; see `vfguide keys make`"
 
 
-def test_a_status_without_a_roster_says_how_to_make_one(command, mission):
-    outcome = command("status", mission, "--link=mqtt://127.0.0.1:1")
-    assert outcome.status == 2
-    assert "there is no roster; make keys with `vfguide keys make MISSION`" in outcome.err
+def test_a_status_without_a_roster_says_how_to_make_one(refusal, mission):
+    line = refusal("status", mission, "--link=mqtt://127.0.0.1:1")
+    assert "there is no roster; make keys with `vfguide keys make MISSION`" in line
 
 
-def test_the_name_of_an_operator_is_a_name_and_no_vehicles(command, mission):
+def test_the_name_of_an_operator_is_a_name_and_no_vehicles(refusal, mission):
     for name in ("../x", "wing", ""):
-        outcome = command("keys", "make", mission, "--operator", name)
-        assert outcome.status == 2
-        assert outcome.lines[0].startswith(f"--operator {name}: write a letter")
+        line = refusal("keys", "make", mission, "--operator", name)
+        assert line.startswith(f"--operator {name}: write a letter")

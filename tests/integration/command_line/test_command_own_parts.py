@@ -14,11 +14,8 @@ from tests.kit.missions import MISSIONS, ROOT
 from tests.kit.programs import elsewhere, loaded
 
 LAW, PATH, PLANT = "own_law.py", "own_path.py", "own_plant.py"
-LEADER_LAW, AUTOPILOT, EMULATED = (
-    "own_leader_law.py",
-    "own_autopilot.py",
-    "own_emulated_autopilot.py",
-)
+LEADER_LAW, AUTOPILOT = "own_leader_law.py", "own_autopilot.py"
+EMULATED = "own_emulated_autopilot.py"
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -44,91 +41,106 @@ def run(here: Path) -> Run:
     return lambda *words, plugin=None: loaded(here, "vfguide", *plugged(words, plugin))
 
 
+def the_line(refused: subprocess.CompletedProcess[str]) -> str:
+    """The one line by which something is refused."""
+    assert refused.returncode == 2, refused.stdout
+    (line,) = refused.stderr.splitlines()
+    return line
+
+
 def summary_of(flown: subprocess.CompletedProcess[str], *statuses: int) -> dict:
     """What a flight with --json has told."""
     assert flown.returncode in (statuses or (0, 1)), flown.stderr
     return json.loads(flown.stdout)
 
 
-PURSUIT = ("--controller", "pursuit", "--set", "controller.lookahead_m=25")
-CARROT = ("--set", "leader.law=carrot")
+def setting(text: str) -> tuple[str, str]:
+    """A field of the mission that is otherwise."""
+    return ("--set", text)
+
+
+CALM = "circle-calm"
+PURSUIT = ("line-calm", "--controller", "pursuit")
+AHEAD = setting("controller.lookahead_m=25")
+CARROT = setting("leader.law=carrot")
 MEASURED = ("--plant", "measured")
-BRIEF = ("--set", "vehicles.f1.autopilot=brief")
-LONG = ("--duration", "200", "--rate", "10")
-
-
-@pytest.mark.parametrize(
-    ("words", "plugin", "said"),
-    [
-        (("--set", "controller.lookahead_m=-3"), LAW, "-3 is too small; choose above 0"),
-        (("--set", "controller.lokahead_m=3"), LAW, "did you mean 'lookahead_m'?"),
-        ((), None, "pursuit: there is no such law; known are slot, article, pid, mpc"),
-        ((), "absent.py", "absent.py: there is no such file of Python"),
-        ((), "broken.py", "broken.py:2: NameError"),
-    ],
-)
-def test_what_is_wrong_with_a_law_is_one_line(run, here, words, plugin, said):
-    (here / "broken.py").write_text("import math\nmath.pi + tau\n")
-    refused = run("check", "line-calm", "--controller", "pursuit", *words, plugin=plugin)
-    assert refused.returncode == 2
-    (line,) = refused.stderr.splitlines()
-    assert said in line
-
-
+BRIEF = setting("vehicles.f1.autopilot=brief")
+SHORT = ("--duration", "60", "--rate", "10", "--json")
 KINDS_OF_PATH = "line, circle, helix, racetrack, figure-eight, waypoints, plan"
+KINDS = "ardupilot, px4"
+
+
+def path(fields: str) -> tuple[str, ...]:
+    """A mission on another path."""
+    return (CALM, *setting(f"path={{{fields}}}"))
+
+
+def gain(text: str) -> tuple[str, ...]:
+    """A mission with a gain of the leader's own law."""
+    return (CALM, *CARROT, *setting(f"leader.gains.{text}"))
+
+
+def emulated(text: str) -> tuple[str, ...]:
+    """A mission with another emulator."""
+    return (CALM, *setting(f"rehearsal.emulator.{text}"))
 
 
 @pytest.mark.parametrize(
     ("words", "plugin", "said"),
     [
-        (CARROT, None, "--set leader.law: 'carrot' is not known; use one of: field"),
-        (
-            (*CARROT, "--set", "leader.gains.lookahad_m=3"),
-            LEADER_LAW,
-            "carrot does not take these gains (lookahad_m: Extra inputs are not permitted); it has look",
-        ),
-        (
-            (*CARROT, "--set", "leader.gains.lookahead_m=-3"),
-            LEADER_LAW,
-            "lookahead_m: Input should be greater than 0",
-        ),
-        (
-            ("--set", "path={type: lissajous, half_length_m: -3}"),
-            PATH,
-            "-3 is too small; choose above 0",
-        ),
-        (
-            ("--set", "path={type: lissajous, half_lenght_m: 3}"),
-            PATH,
-            "did you mean 'half_length_m'?",
-        ),
-        (("--set", "path={type: lissajous, centre: {north: 3}}"), PATH, "did you mean 'north_m'?"),
-        (("--set", "path={type: lissajoux}"), PATH, "did you mean 'lissajous'?"),
-        (("--set", "path={half_length_m: 3}"), PATH, f"add one of: {KINDS_OF_PATH}, lissajous"),
-        (
-            BRIEF,
-            None,
-            "--set vehicles.f1.autopilot: 'brief' is not known; use one of: auto, ardupilot, px4, mavsdk",
-        ),
-        (("--set", "vehicles.f1.autopilot=breif"), AUTOPILOT, "did you mean 'brief'?"),
-        (
-            ("--set", "rehearsal.emulator.autopilot=brief"),
-            None,
-            "'brief' is not known; use one of: ardupilot, px4",
-        ),
-        (("--set", "rehearsal.emulator.plant=mesured"), PLANT, "did you mean 'measured'?"),
+        ((*PURSUIT, *setting("controller.lookahead_m=-3")), LAW, "-3 is too small"),
+        ((*PURSUIT, *setting("controller.lokahead_m=3")), LAW, "did you mean 'lookahead_m'?"),
+        (PURSUIT, None, "pursuit: there is no such law; known are slot, article, pid, mpc"),
+        (PURSUIT, "absent.py", "absent.py: there is no such file of Python"),
+        (PURSUIT, "broken.py", "broken.py:2: NameError"),
+        ((CALM, *CARROT), None, "--set leader.law: 'carrot' is not known; use one of: field"),
+        (gain("lookahad_m=3"), LEADER_LAW, "lookahad_m: Extra inputs are not permitted"),
+        (gain("lookahead_m=-3"), LEADER_LAW, "lookahead_m: Input should be greater than 0"),
+        (path("type: lissajous, half_length_m: -3"), PATH, "-3 is too small; choose above 0"),
+        (path("type: lissajous, half_lenght_m: 3"), PATH, "did you mean 'half_length_m'?"),
+        (path("type: lissajous, centre: {north: 3}"), PATH, "did you mean 'north_m'?"),
+        (path("type: lissajoux"), PATH, "did you mean 'lissajous'?"),
+        (path("half_length_m: 3"), PATH, f"add one of: {KINDS_OF_PATH}, lissajous"),
+        (path("type: raising"), "raising.py", "raising.py:14: ZeroDivisionError: float"),
+        ((CALM, *BRIEF), None, f"'brief' is not known; use one of: auto, {KINDS}, mavsdk"),
+        ((CALM, *setting("vehicles.f1.autopilot=breif")), AUTOPILOT, "did you mean 'brief'?"),
+        ((CALM, *BRIEF), "partly.py", ": the autopilot brief has no hand_back; write it"),
+        (emulated("autopilot=brief"), None, f"'brief' is not known; use one of: {KINDS}"),
+        (emulated("plant=mesured"), PLANT, "did you mean 'measured'?"),
     ],
 )
-def test_what_is_wrong_is_one_line(run, words, plugin, said):
-    refused = run("check", "circle-calm", *words, plugin=plugin)
-    assert refused.returncode == 2, refused.stdout
-    (line,) = refused.stderr.splitlines()
-    assert said in line
+def test_what_is_wrong_is_one_line(run, here, words, plugin, said):
+    (here / "broken.py").write_text("import math\nmath.pi + tau\n")
+    (here / "raising.py").write_text(RAISES)
+    text = (here / AUTOPILOT).read_text()
+    before, after = text.index("    def hand_back"), text.index("    def fly")
+    (here / "partly.py").write_text(text[:before] + text[after:])
+    assert said in the_line(run("check", *words, plugin=plugin))
+
+
+RAISES = """
+from vfguide.paths import Path, PathPlace, PathShape, path
+
+@path("raising")
+class Raising(Path):
+    Shape = PathShape
+    length = 1000.0
+
+    @classmethod
+    def of(cls, shape):
+        return cls()
+
+    def nearest(self, north, east, course=None):
+        return 1.0 / 0.0
+
+    def at(self, progress):
+        return PathPlace(progress, progress, 0.0 * progress, 0.0 * progress)
+"""
 
 
 def test_a_law_is_flown_and_reported_under_its_name(here, installed):
     """By vfguide from its wheel, in as many processes as there are processors."""
-    words = ("vfguide", "fly", "line-calm", *PURSUIT, "--duration", "40", "--out", "flight")
+    words = ("vfguide", "fly", *PURSUIT, *AHEAD, "--duration", "40", "--out", "flight")
     flown = elsewhere(installed, here, "-m", *plugged(words, LAW))
     assert flown.returncode == 0, flown.stderr
     summary = json.loads((here / "flight" / "summary.json").read_text())
@@ -137,17 +149,32 @@ def test_a_law_is_flown_and_reported_under_its_name(here, installed):
     assert "pursuit" in (here / "flight" / "report.html").read_text()
 
 
-def test_a_mission_file_may_name_a_law(run, here):
-    own = "controller: {type: pursuit, lookahead_m: 25}"
-    text = re.sub(r"controller: \{[^}]*\}", own, (MISSIONS / "line-calm.yaml").read_text())
-    assert own in text
-    (here / "own.yaml").write_text(text)
-    flown = run("fly", "own.yaml", "--duration", "1", "--json", plugin=LAW)
-    assert summary_of(flown)["controller"] == "pursuit"
-    # By the name in the mission alone nothing is loaded.
-    unknown = run("check", "own.yaml")
-    assert unknown.returncode == 2
-    assert "'pursuit' is not known; use one of: slot, article, pid, mpc" in unknown.stderr
+def with_law(content: dict) -> None:
+    content["controller"] = {"type": "pursuit", "lookahead_m": 25}
+
+
+def with_path(content: dict) -> None:
+    content["path"] = {"type": "lissajous", "half_length_m": 600}
+    content["rehearsal"].pop("start", None)
+
+
+@pytest.mark.parametrize(
+    ("change", "plugin", "said"),
+    [
+        (with_law, LAW, "'pursuit' is not known; use one of: slot, article, pid, mpc"),
+        (with_path, PATH, f"'lissajous' is not known; use one of: {KINDS_OF_PATH}"),
+    ],
+)
+def test_a_mission_file_may_name_a_part_but_nothing_is_loaded_by_its_name(
+    run, here, change, plugin, said
+):
+    mission = yaml.safe_load((MISSIONS / "circle-calm.yaml").read_text())
+    change(mission)
+    (here / "own.yaml").write_text(yaml.safe_dump(mission))
+    flown = run("fly", "own.yaml", "--duration", "1", "--json", plugin=plugin)
+    law = mission["controller"].get("type", "slot")
+    assert summary_of(flown)["controller"] == law
+    assert said in the_line(run("check", "own.yaml"))
 
 
 def test_scenarios_drawn_anew_are_flown_by_a_law_and_no_other_in_its_place(run):
@@ -209,11 +236,8 @@ def test_the_leader_flies_by_a_law_and_its_gain_counts(run):
     # 20 m/s are ten of them. One that aims 400 m ahead is still on its way: after 40 s 30 m e^(-2) are 4 m.
     errors = []
     for ahead in (40, 400):
-        gain = ("--set", f"leader.gains.lookahead_m={ahead}")
-        flown = run(
-            *("fly", "line-calm", *CARROT, *gain, "--duration", "40", "--rate", "10", "--json"),
-            plugin=LEADER_LAW,
-        )
+        words = ("fly", "line-calm", *CARROT, *setting(f"leader.gains.lookahead_m={ahead}"))
+        flown = run(*words, "--duration", "40", "--rate", "10", "--json", plugin=LEADER_LAW)
         leader = summary_of(flown)["vehicles"]["leader"]
         errors.append(leader["cross_track_error_m"]["mean"])
     near, far = errors
@@ -222,82 +246,34 @@ def test_the_leader_flies_by_a_law_and_its_gain_counts(run):
 
 
 def test_a_formation_flies_both_loops_of_the_eight_and_over_itself_where_it_has_a_bridge(run):
-    bridge = ("--set", "path={type: lissajous, bridge_m: 40}", "--set", "rehearsal.start={}")
-    summary = summary_of(run("fly", "circle-calm", *bridge, *LONG, "--json", plugin=PATH), 0)
+    words = ("fly", *path("type: lissajous, bridge_m: 40"), *setting("rehearsal.start={}"))
+    long = ("--duration", "200", "--rate", "10", "--json")
+    summary = summary_of(run(*words, *long, plugin=PATH), 0)
     assert summary["formation"]["mean_error_m"] < 0.05
     assert summary["formation"]["mean_error_3d_m"] < 0.1
     assert summary["vehicles"]["leader"]["cross_track_error_m"]["max"] < 0.05
-    # Ten times as high on the same way is ten times as steep.
-    steep = ("--set", "path={type: lissajous, bridge_m: 400}")
-    checked = run("check", "circle-calm", *steep, plugin=PATH)
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        # Ten times as high on the same way is ten times as steep.
+        ("bridge_m: 400", "the path climbs at up to"),
+        # Its tightest turns, beside where it is widest, have a radius of 23.9 m: atan(20²/23.9/9.81) = 60°.
+        ("half_length_m: 200", "'leader' has to bank 60°"),
+    ],
+)
+def test_a_path_that_is_too_steep_or_too_tight_for_the_vehicles_is_found(run, fields, said):
+    checked = run("check", *path(f"type: lissajous, {fields}"), plugin=PATH)
     assert checked.returncode == 2
-    assert "the path climbs at up to" in checked.stdout
-
-
-def test_a_mission_file_may_name_a_path(run, here):
-    mission = yaml.safe_load((MISSIONS / "circle-calm.yaml").read_text())
-    mission["path"] = {"type": "lissajous", "half_length_m": 600}
-    mission["rehearsal"].pop("start", None)
-    (here / "own.yaml").write_text(yaml.safe_dump(mission))
-    assert summary_of(run("fly", "own.yaml", "--duration", "1", "--json", plugin=PATH))
-    unknown = run("check", "own.yaml")
-    assert unknown.returncode == 2
-    assert f"'lissajous' is not known; use one of: {KINDS_OF_PATH}" in unknown.stderr
-
-
-def test_turns_that_are_too_tight_for_the_vehicles_are_found(run):
-    # its tightest turns have a radius of 23.9 m, beside where it is widest: atan(20²/23.9/9.81) = 60 degrees
-    tight = ("--set", "path={type: lissajous, half_length_m: 200}")
-    refused = run("check", "circle-calm", *tight, plugin=PATH)
-    assert refused.returncode == 2
-    assert "'leader' has to bank 60°" in refused.stdout
-    assert "widen the path's turns" in refused.stdout
-
-
-RAISES = """
-from vfguide.paths import Path, PathPlace, PathShape, path
-
-@path("raising")
-class Raising(Path):
-    Shape = PathShape
-    length = 1000.0
-
-    @classmethod
-    def of(cls, shape):
-        return cls()
-
-    def nearest(self, north, east, course=None):
-        return 1.0 / 0.0
-
-    def at(self, progress):
-        return PathPlace(progress, progress, 0.0 * progress, 0.0 * progress)
-"""
-
-
-def test_a_path_that_raises_is_one_line_with_the_place_in_its_file(run, here):
-    (here / "raising.py").write_text(RAISES)
-    refused = run("check", "line-calm", "--set", "path={type: raising}", plugin="raising.py")
-    assert refused.returncode == 2
-    (line,) = refused.stderr.splitlines()
-    assert line.endswith("raising.py:14: ZeroDivisionError: float division by zero; mend the file")
+    assert said in checked.stdout
 
 
 def test_a_mission_is_flown_by_a_plant_and_its_numbers_count(run):
     figures = []
     for damping in (0.8, 0.2):
-        option = ("--set", f"rehearsal.emulator.plant_options.course_damping={damping}")
-        words = (
-            "fly",
-            "circle-calm",
-            *MEASURED,
-            *option,
-            "--duration",
-            "60",
-            "--rate",
-            "10",
-            "--json",
-        )
-        summary = summary_of(run(*words, plugin=PLANT))
+        option = emulated(f"plant_options.course_damping={damping}")
+        summary = summary_of(run("fly", *option, *MEASURED, *SHORT, plugin=PLANT))
         assert summary["plant"] == "measured"
         figures.append(summary["formation"]["mean_error_m"])
     usual, swinging = figures
@@ -308,23 +284,16 @@ def test_a_mission_is_flown_by_a_plant_and_its_numbers_count(run):
 @pytest.mark.parametrize(
     ("words", "plugin", "said"),
     [
-        (MEASURED, None, "--plant: 'measured' is not known; use one of: course-hold, "),
-        (
-            (*MEASURED, "--set", "rehearsal.emulator.plant_options.curse=1"),
-            PLANT,
-            "rehearsal.emulator: measured has no option curse; it has course_damping, ",
-        ),
+        ((CALM,), None, "--plant: 'measured' is not known; use one of: course-hold, "),
+        (emulated("plant_options.curse=1"), PLANT, "measured has no option curse; it has course_"),
     ],
 )
 def test_a_plant_that_cannot_be_flown_is_one_line(run, words, plugin, said):
-    refused = run("fly", "circle-calm", *words, plugin=plugin)
-    assert refused.returncode == 2, refused.stderr
-    (line,) = refused.stderr.splitlines()
-    assert said in line
+    assert said in the_line(run("fly", *words, *MEASURED, plugin=plugin))
 
 
 OWN_PLANT = ("--plugin", PLANT, *MEASURED)
-OWN_EMULATED = ("--plugin", EMULATED, "--autopilot", "brief")
+STUB = ("sitl_stub", "--system-id", "1", "--airborne", "--mavlink")
 
 
 @pytest.mark.parametrize(
@@ -334,67 +303,28 @@ OWN_EMULATED = ("--plugin", EMULATED, "--autopilot", "brief")
         (("--plugin", "absent.py"), "--plugin absent.py: there is no such file of Python"),
         ((*OWN_PLANT, "--plant-option", "curse=1"), "measured has no option curse"),
         ((*OWN_PLANT, "--plant-option", "curse"), "--plant-option: curse= is not NAME=NUMBER"),
-        (("--autopilot", "brief"), "sitl-stub: --autopilot: brief is not one of ardupilot, px4"),
+        (("--autopilot", "brief"), f"sitl-stub: --autopilot: brief is not one of {KINDS}"),
     ],
 )
 def test_what_is_wrong_for_the_emulator_alone_is_one_line(here, words, said):
-    link = ("--system-id", "1", "--mavlink", "udpout://127.0.0.1:9")
-    refused = loaded(here, "sitl_stub", *link, "--airborne", *words)
-    assert refused.returncode == 2, refused.stderr
-    (line,) = refused.stderr.splitlines()
-    assert said in line
+    assert said in the_line(loaded(here, *STUB, "udpout://127.0.0.1:9", *words))
 
 
 def test_the_emulator_is_started_with_an_autopilot_by_its_name(here):
-    link = ("--system-id", "1", "--mavlink", "udpin://127.0.0.1:0")
-    ended = loaded(
-        *(
-            here,
-            "sitl_stub",
-            *link,
-            *OWN_EMULATED,
-            "--airborne",
-            "--duration",
-            "1",
-            "--speedup",
-            "100",
-        )
-    )
+    own = ("--plugin", EMULATED, "--autopilot", "brief", "--duration", "1", "--speedup", "100")
+    ended = loaded(here, *STUB, "udpin://127.0.0.1:0", *own)
     assert ended.returncode == 0, ended.stderr
 
 
 def test_a_whole_formation_flies_by_an_autopilot_as_by_vfguides_own(run):
-    settings = [
-        word
-        for name in ("leader", "f1", "f2", "f3")
-        for word in ("--set", f"vehicles.{name}.autopilot=brief")
-    ]
-    words = ("fly", "circle-calm", *settings, "--duration", "60", "--rate", "10", "--json")
-    formation = summary_of(run(*words, plugin=AUTOPILOT))["formation"]
+    names = ("leader", "f1", "f2", "f3")
+    settings = [word for name in names for word in setting(f"vehicles.{name}.autopilot=brief")]
+    formation = summary_of(run("fly", CALM, *settings, *SHORT, plugin=AUTOPILOT))["formation"]
     assert formation["mean_error_m"] < 0.1
     assert formation["settle_1m_s"] < 40.0
 
 
-def test_an_adapter_that_leaves_something_out_is_one_line(run, here):
-    text = (here / AUTOPILOT).read_text()
-    before, after = text.index("    def hand_back"), text.index("    def fly")
-    (here / "partly.py").write_text(text[:before] + text[after:])
-    refused = run("fly", "circle-calm", *BRIEF, plugin="partly.py")
-    assert refused.returncode == 2, refused.stdout
-    (line,) = refused.stderr.splitlines()
-    assert re.search(r"partly\.py:\d+: the autopilot brief has no hand_back; write it$", line)
-
-
 def test_a_formation_flies_against_an_emulated_autopilot_of_the_user_s(run):
-    chosen = (
-        "--set",
-        "rehearsal.emulator.autopilot=brief",
-        "--duration",
-        "60",
-        "--rate",
-        "10",
-        "--json",
-    )
-    # its aircraft is the mission's, of first order
-    summary = summary_of(run("fly", "circle-calm", *chosen, plugin=EMULATED))
+    # Its aircraft is the mission's, of first order.
+    summary = summary_of(run("fly", *emulated("autopilot=brief"), *SHORT, plugin=EMULATED))
     assert summary["formation"]["mean_error_m"] < 0.1

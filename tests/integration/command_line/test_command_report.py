@@ -9,7 +9,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.kit.programs import Outcome
 from vfguide.errors import InputError
 from vfguide.record.guidance_log import read_guidance
 from vfguide.record.recording import read_start
@@ -21,14 +20,6 @@ def copy_of_flown(flown: SimpleNamespace, tmp_path: Path) -> Path:
     directory = tmp_path / "copy"
     shutil.copytree(flown.directory, directory)
     return directory
-
-
-def refusal(command: Callable[..., Outcome], *words: object) -> str:
-    """The one line by which a report is refused."""
-    outcome = command("report", *words)
-    assert outcome.status == 2
-    (line,) = outcome.lines
-    return line
 
 
 def test_a_report_is_written_again_from_the_record(command, copy_of_flown, flown):
@@ -66,18 +57,20 @@ def test_a_refused_flight_is_reported_without_complaint(command, pair_with, tmp_
     assert "Not accepted" in outcome.out
 
 
-def test_what_is_no_flight_is_one_line(command, flown, tmp_path):
+def test_what_is_no_flight_is_one_line(refusal, flown, tmp_path):
     path, record = tmp_path / "none", flown.directory / "flight.npz"
     known = "give one that `vfguide fly --out` wrote, or companions recorded into"
-    assert refusal(command, path) == f"{path}: no such directory; {known}"
-    assert refusal(command, record) == f"{record}: is a file; give its directory, {flown.directory}"
-    assert refusal(command, tmp_path) == (
+    assert refusal("report", path) == f"{path}: no such directory; {known}"
+    assert (
+        refusal("report", record) == f"{record}: is a file; give its directory, {flown.directory}"
+    )
+    assert refusal("report", tmp_path) == (
         f"{tmp_path}: holds neither flight.npz nor recordings; {known.replace('one', 'a directory', 1)}"
     )
 
 
-def test_a_report_is_of_one_rehearsal(command, flown, copy_of_flown, tmp_path):
-    line = refusal(command, flown.directory, copy_of_flown, "--out", tmp_path / "both")
+def test_a_report_is_of_one_rehearsal(refusal, flown, copy_of_flown, tmp_path):
+    line = refusal("report", flown.directory, copy_of_flown, "--out", tmp_path / "both")
     assert line.endswith("is a rehearsal, and the report is of one at a time; give it alone")
 
 
@@ -92,22 +85,20 @@ DAMAGES: dict[str, Callable[[bytes], bytes]] = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
-def test_a_damaged_record_is_one_line(command, copy_of_flown, damage):
+def test_a_damaged_record_is_one_line(refusal, copy_of_flown, damage):
     record = copy_of_flown / "flight.npz"
     record.write_bytes(damage(record.read_bytes()))
-    outcome = command("report", copy_of_flown)
-    assert (outcome.status, outcome.out) == (2, "")
-    (line,) = outcome.lines
+    line = refusal("report", copy_of_flown)
     assert line.startswith(f"{record}: is no flight record")
     assert line.endswith("; give the directory of another flight, or fly it again")
 
 
 @pytest.mark.usefixtures("one_plot")
-def test_a_report_that_cannot_be_written_is_one_line(command, copy_of_flown):
+def test_a_report_that_cannot_be_written_is_one_line(refusal, copy_of_flown):
     for name in ("summary.json", "report.html"):
         (copy_of_flown / name).unlink()
         (copy_of_flown / name).mkdir()
-        line = refusal(command, copy_of_flown)
+        line = refusal("report", copy_of_flown)
         assert line.startswith(str(copy_of_flown))
         assert "cannot be written" in line
         (copy_of_flown / name).rmdir()
@@ -116,7 +107,7 @@ def test_a_report_that_cannot_be_written_is_one_line(command, copy_of_flown):
 
 @pytest.mark.usefixtures("unplotted")
 def test_a_report_does_not_take_the_place_of_what_is_somebody_elses(
-    command, copy_of_flown, tmp_path
+    command, refusal, copy_of_flown, tmp_path
 ):
     foreign, other = tmp_path / "foreign", tmp_path / "other"
     foreign.mkdir()
@@ -126,7 +117,7 @@ def test_a_report_does_not_take_the_place_of_what_is_somebody_elses(
     (other / "summary.json").write_text(json.dumps({**summary, "mission": "another"}))
     for directory, said in ((foreign, "no flight has written it"), (other, "mission 'another'")):
         before = {path.name: path.read_bytes() for path in directory.iterdir()}
-        line = refusal(command, copy_of_flown, "--out", directory)
+        line = refusal("report", copy_of_flown, "--out", directory)
         assert said in line
         assert line.endswith("--force to replace it")
         assert {path.name: path.read_bytes() for path in directory.iterdir()} == before
@@ -135,7 +126,7 @@ def test_a_report_does_not_take_the_place_of_what_is_somebody_elses(
 
 
 @pytest.mark.usefixtures("unplotted")
-def test_a_report_waits_for_no_pipe(command, copy_of_flown, tmp_path):
+def test_a_report_waits_for_no_pipe(command, refusal, copy_of_flown, tmp_path):
     (copy_of_flown / "summary.json").unlink()
     os.mkfifo(copy_of_flown / "summary.json")
     assert command("report", copy_of_flown).status == 0
@@ -145,7 +136,7 @@ def test_a_report_waits_for_no_pipe(command, copy_of_flown, tmp_path):
     recorded.mkdir(parents=True)
     os.mkfifo(recorded / "recording.json")
     os.mkfifo(recorded / "one.tlog")
-    (line,) = command("report", copy_of_flown).lines
+    line = refusal("report", copy_of_flown)
     assert line.startswith(f"{copy_of_flown / 'flight.npz'}: cannot be read: this is a pipe")
     assert list(read_guidance(recorded / "one.tlog").steps) == []
     with pytest.raises(InputError, match="this is a pipe"):
@@ -154,10 +145,10 @@ def test_a_report_waits_for_no_pipe(command, copy_of_flown, tmp_path):
         read_start(recorded)
 
 
-def test_recordings_that_a_killed_flight_left_are_named(command, tmp_path):
+def test_recordings_that_a_killed_flight_left_are_named(refusal, tmp_path):
     left = tmp_path / ".partial-x"
     recording = left / "recordings" / "one-20261122T061500Z"
     recording.mkdir(parents=True)
     (recording / "recording.json").write_text("{")
     told = f"{tmp_path}: holds no flight that ended; give {left}, where companions recorded"
-    assert refusal(command, tmp_path) == told
+    assert refusal("report", tmp_path) == told

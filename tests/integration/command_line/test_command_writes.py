@@ -29,7 +29,9 @@ def around(tmp_path: Path) -> Surroundings:
 Words = Callable[[SimpleNamespace, Path], Sequence[str | Path]]
 
 COMMANDS: dict[str, Words] = {
-    "fly": lambda flown, out: ("fly", flown.directory.parent / "pair.yaml", "--out", out),
+    "fly": lambda flown, out: (
+        *("fly", flown.directory.parent / "pair.yaml", "--rate", "10", "--out", out),
+    ),
     "fly live": lambda flown, out: (
         *("fly", flown.directory.parent / "pair.yaml", "--live", "--duration", "5"),
         *("--out", out, "--set", "acceptance.mean_error_m=100"),
@@ -53,7 +55,10 @@ COMMANDS: dict[str, Words] = {
         *("bench", "monte-carlo", "--formations", "1", "--processes", "1"),
         *("--json", out / "figures.json"),
     ),
-    "check": lambda flown, _: ("check", flown.directory.parent / "pair.yaml"),
+    "check": lambda flown, _: (
+        *("check", flown.directory.parent / "pair.yaml"),
+        *("--set", "rehearsal.rate_hz=10"),
+    ),
 }
 
 

@@ -34,6 +34,8 @@ from vfguide.record.flight import FlightRecord
 
 HOSTILE = "<img src=x onerror=alert(1)>"
 
+PLAYER = "document.getElementById('replay').player"
+
 
 @pytest.fixture(scope="module")
 def record() -> FlightRecord:
@@ -52,23 +54,16 @@ async def nobody(
     own = free_port(socket.SOCK_DGRAM)
     link = f"udp://127.0.0.1:{free_port(socket.SOCK_DGRAM)}?port={own}"
     formation = watched_by_anybody(mission, [link])
-    async with live_console(
-        mission,
-        formation,
-        address=ConsoleAddress(port=port, **certificate),
-        token=token,
-        operator_token=operator_token,
-    ) as url:
+    address, tokens = ConsoleAddress(port=port, **certificate), {"token": token}
+    tokens |= {"operator_token": operator_token} if operator_token else {}
+    async with live_console(mission, formation, address=address, **tokens) as url:
         yield url
 
 
 @asynccontextmanager
 async def shown(source: Source, open_page: OpenPage, title: str = "a") -> AsyncIterator[Page]:
     """The page of a console."""
-    async with (
-        served(source, ConsoleAddress(port=0), title=title) as url,
-        open_page(url) as page,
-    ):
+    async with served(source, ConsoleAddress(port=0), title=title) as url, open_page(url) as page:
         yield page
 
 
@@ -172,7 +167,7 @@ async def test_a_recorded_flight_plays_and_its_names_stay_text(record, open_page
             arg=before,
         )
         await expect(page.locator("#freshness")).to_contain_text("recorded flight")
-        await page.evaluate("document.getElementById('replay').player.pause()")
+        await page.evaluate(f"{PLAYER}.pause()")
         entry = page.locator("[data-part=events] button.order")
         await expect(entry).to_contain_text(HOSTILE)
         await entry.click()
@@ -184,10 +179,7 @@ TRACE = "document.querySelector('canvas.trace').toDataURL()"
 
 async def trace_after(page: Page, *times_s: float) -> str:
     """Pixels of a card's trace some time after the last of some moments was looked at."""
-    await page.evaluate(
-        "times => times.forEach(time => document.getElementById('replay').player.seek(time))",
-        list(times_s),
-    )
+    await page.evaluate(f"times => times.forEach(time => {PLAYER}.seek(time))", list(times_s))
     await page.wait_for_timeout(1500)
     return str(await page.evaluate(TRACE))
 
@@ -195,7 +187,7 @@ async def trace_after(page: Page, *times_s: float) -> str:
 async def test_the_last_minute_on_a_card_is_that_of_the_moment_where_it_stops(record, open_page):
     async with shown(RecordedFlight(record), open_page) as page:
         await expect(page.locator("canvas.trace").first).to_be_visible()
-        await page.evaluate("document.getElementById('replay').player.pause()")
+        await page.evaluate(f"{PLAYER}.pause()")
         early, late = await trace_after(page, 2.0), await trace_after(page, 10.0)
         assert early != late
         # Faster than traces are drawn.
@@ -241,10 +233,8 @@ async def test_a_map_of_a_file_lies_below_a_recorded_flight_and_can_be_hidden(
         await expect(page.get_by_text("Survey", exact=True)).to_be_visible()
         # 5 km north and 6 km west, as the companions reckon it.
         place = mission.origin.latitude_deg + 0.05, mission.origin.longitude_deg - 0.08
-        found = await page.evaluate(
-            "place => document.getElementById('replay').player.scene.underlay.toLocal(...place)",
-            list(place),
-        )
+        underlay = f"{PLAYER}.scene.underlay"
+        found = await page.evaluate(f"place => {underlay}.toLocal(...place)", list(place))
         north, east = local_frame(mission).to_local(*place)
         assert (found["north"], found["east"]) == pytest.approx((north, east), abs=0.1)
         await page.get_by_role("button", name="Map").click()
@@ -266,11 +256,11 @@ async def test_looking_back_shows_the_path_and_the_order_of_that_moment(open_pag
     source.opening = lambda: opening  # type: ignore[method-assign]
     async with shown(source, open_page) as page:
         flies = page.locator("#flies")
-        path = "document.getElementById('replay').player.flight.pathName"
+        path = f"{PLAYER}.flight.pathName"
         await expect(flies).to_contain_text("order 7")
         assert await page.evaluate(path) == "other"
-        await page.evaluate("document.getElementById('replay').player.pause()")
-        await page.evaluate("document.getElementById('replay').player.seek(2)")
+        await page.evaluate(f"{PLAYER}.pause()")
+        await page.evaluate(f"{PLAYER}.seek(2)")
         await expect(flies).to_have_text("leader leads · the mission's formation")
         assert await page.evaluate(path) == "main"
         # The order is an entry of the time line, too: it was heard of at the sample at 4.9 s.

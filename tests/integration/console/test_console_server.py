@@ -19,7 +19,10 @@ from vfguide.lab.console.tiles import open_tiles
 
 ANYWHERE = ConsoleAddress(port=0)
 
-Answer = tuple[int, dict[str, str], str]
+LOOKS, ORDERS = "t" * 24, "o" * 24
+"""Tokens of those who look, and of those who give orders."""
+
+Answer = tuple[int, http.client.HTTPMessage, str]
 
 
 class Nothing(Source):
@@ -29,100 +32,90 @@ class Nothing(Source):
         return '{"live": false}'
 
 
-def ask(
+async def ask(
     url: str, path: str, *, cookie: str = "", method: str = "GET", authority: str = ""
 ) -> Answer:
     """Status, headers and the first bytes of what a path answers."""
+    return await asyncio.to_thread(asked, url, path, cookie, method, authority)
+
+
+def asked(url: str, path: str, cookie: str, method: str, authority: str) -> Answer:
     parts = urlsplit(url)
     assert parts.hostname is not None
+    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=60)
     if parts.scheme == "https":
         trusted = ssl.create_default_context(cafile=authority)
-        connection: http.client.HTTPConnection = http.client.HTTPSConnection(
+        connection = http.client.HTTPSConnection(
             parts.hostname, parts.port, timeout=60, context=trusted
         )
-    else:
-        connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=60)
     connection.request(method, path, headers={"Cookie": cookie} if cookie else {})
     answer = connection.getresponse()
-    found = answer.status, dict(answer.getheaders()), answer.read1(2000).decode(errors="replace")
+    found = answer.status, answer.headers, answer.read1(2000).decode(errors="replace")
     connection.close()
     return found
 
 
-def cookies_of(page: str, token: str) -> tuple[int, list[str]]:
-    """(status, cookies) that a token gives."""
-    parts = urlsplit(page)
-    assert parts.hostname is not None
-    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=60)
-    connection.request("GET", f"/?token={token}")
-    answer = connection.getresponse()
-    found = answer.status, answer.headers.get_all("set-cookie", [])
-    connection.close()
-    return found
-
-
-def when_served(address: ConsoleAddress = ANYWHERE) -> AbstractAsyncContextManager[str]:
+def when_served(
+    address: ConsoleAddress = ANYWHERE, *, source: Source | None = None, orders: str | None = None
+) -> AbstractAsyncContextManager[str]:
     """A console that is served."""
-    return served(Nothing(), address, title="<b>&", token="t" * 24)
+    found = source or Nothing()
+    return served(found, address, title="<b>&", token=LOOKS, operator_token=orders)
 
 
 PATHS = ("/", "/console.js", "/console.css", "/flight", "/nowhere")
 
 
-@pytest.mark.parametrize("given", ["", "?token=", "?token=wrong", "?token=" + "t" * 23])
+@pytest.mark.parametrize("given", ["", "?token=", "?token=wrong", f"?token={LOOKS[1:]}"])
 async def test_nothing_is_shown_without_the_token(given):
     async with when_served() as url:
         for path in PATHS:
-            status, headers, text = await asyncio.to_thread(ask, url, path + given)
+            status, headers, text = await ask(url, path + given)
             assert status == 403
             assert "open the whole address" in text
             assert "set-cookie" not in headers
         wrong = f"vfguide-console-{urlsplit(url).port}=wrong"
-        status, _, _ = await asyncio.to_thread(ask, url, "/flight", cookie=wrong)
+        status, _, _ = await ask(url, "/flight", cookie=wrong)
         assert status == 403
 
 
 async def test_the_token_gives_a_cookie_that_lets_in_and_leaves_the_address():
     async with when_served() as url:
         parts = urlsplit(url)
-        status, headers, _ = await asyncio.to_thread(ask, url, f"/?{parts.query}")
+        status, headers, _ = await ask(url, f"/?{parts.query}")
         assert (status, headers["location"]) == (303, "/")
         cookie, *attributes = headers["set-cookie"].split("; ")
         assert {"HttpOnly", "SameSite=lax"} <= set(attributes)
-        status, _, page = await asyncio.to_thread(ask, url, "/", cookie=cookie)
+        status, _, page = await ask(url, "/", cookie=cookie)
         assert status == 200
         assert "<h1>&lt;b&gt;&amp;</h1>" in page
-        status, headers, text = await asyncio.to_thread(ask, url, "/flight", cookie=cookie)
+        status, headers, text = await ask(url, "/flight", cookie=cookie)
         assert (status, headers["content-type"].split(";")[0]) == (200, "text/event-stream")
         assert text.startswith("event: flight\ndata: {")
-        status, _, _ = await asyncio.to_thread(ask, url, "/", cookie=cookie, method="POST")
+        status, _, _ = await ask(url, "/", cookie=cookie, method="POST")
         assert status == 405
 
 
 async def test_operators_have_a_token_of_their_own_and_a_cookie_that_no_other_site_can_use():
-    tokens = {"token": "t" * 24, "operator_token": "o" * 24}
-    async with served(Nothing(), ANYWHERE, title="flight", **tokens) as url:
+    async with when_served(orders=ORDERS) as url:
         page = url.partition("?")[0]
-        assert url == f"{page}?token={'t' * 24}"
-        kept = []
-        for token in ("t" * 24, "o" * 24):
-            _, cookies = await asyncio.to_thread(cookies_of, page, token)
-            kept.append(cookies)
-        looks, orders = kept
+        assert url == f"{page}?token={LOOKS}"
+        answers = [await ask(page, f"/?token={token}") for token in (LOOKS, ORDERS)]
+        looks, orders = (headers.get_all("set-cookie", []) for _, headers, _ in answers)
         assert len(looks) == 1
         assert len(orders) == 2
         (own,) = (one for one in orders if "operator" in one)
         assert {"HttpOnly", "SameSite=strict"} <= set(own.split("; "))
         for cookies, first in ((looks, "event: flight"), (orders, "event: operator")):
             cookie = "; ".join(one.split("; ")[0] for one in cookies)
-            _, _, text = await asyncio.to_thread(ask, url, "/flight", cookie=cookie)
+            _, _, text = await ask(url, "/flight", cookie=cookie)
             assert text.startswith(first)
 
 
 async def test_every_answer_allows_the_pages_own_files_alone():
     async with when_served() as url:
         for path in (*PATHS, "/?" + urlsplit(url).query):
-            _, headers, _ = await asyncio.to_thread(ask, url, path)
+            _, headers, _ = await ask(url, path)
             policy = headers["content-security-policy"]
             assert "default-src 'none'" in policy
             assert "unsafe" not in policy
@@ -146,9 +139,8 @@ async def test_with_a_certificate_it_is_served_by_tls(certificate):
     async with when_served(ConsoleAddress(port=0, **certificate)) as url:
         assert url.startswith("https://127.0.0.1:")
         query = urlsplit(url).query
-        status, headers, _ = await asyncio.to_thread(
-            ask, url, f"/?{query}", authority=str(certificate["certificate"])
-        )
+        authority = str(certificate["certificate"])
+        status, headers, _ = await ask(url, f"/?{query}", authority=authority)
         assert status == 303
         assert "Secure" in headers["set-cookie"]
 
@@ -172,10 +164,9 @@ async def test_a_port_that_is_taken_is_one_line():
 
 
 async def test_more_pages_than_are_served_are_told_so_and_an_operator_is_still_let_in():
-    tokens = {"token": "t" * 24, "operator_token": "o" * 24}
-    async with served(Nothing(), ANYWHERE, title="flight", **tokens) as url:
+    async with when_served(orders=ORDERS) as url:
         host, port = urlsplit(url).hostname, urlsplit(url).port
-        looks, orders = f"vfguide-console-{port}={'t' * 24}", f"vfguide-operator-{port}={'o' * 24}"
+        looks, orders = f"vfguide-console-{port}={LOOKS}", f"vfguide-operator-{port}={ORDERS}"
         request = f"GET /flight HTTP/1.1\r\nHost: {host}\r\nCookie: {looks}\r\n\r\n".encode()
         writers = []
         for _ in range(MOST_PAGES):
@@ -184,10 +175,10 @@ async def test_more_pages_than_are_served_are_told_so_and_an_operator_is_still_l
             assert b"200" in await reader.readline()
             await reader.readuntil(b"data: ")
             writers.append(writer)
-        status, _, _ = await asyncio.to_thread(ask, url, "/flight", cookie=looks)
+        status, _, _ = await ask(url, "/flight", cookie=looks)
         assert status == 503
         both = f"{looks}; {orders}"
-        status, _, text = await asyncio.to_thread(ask, url, "/flight", cookie=both)
+        status, _, text = await ask(url, "/flight", cookie=both)
         assert (status, text.partition("\n")[0]) == (200, "event: operator")
         for writer in writers:
             writer.close()
@@ -204,7 +195,7 @@ async def test_five_hundred_idle_connections_keep_nobody_out_and_end(said):
             reader, writer = await asyncio.open_connection(parts.hostname, parts.port)
             writer.write(said)
             idle.append((reader, writer))
-        status, _, _ = await asyncio.to_thread(ask, url, f"/?{parts.query}")
+        status, _, _ = await ask(url, f"/?{parts.query}")
         assert status == 303
         async with asyncio.timeout(60.0):
             for reader, writer in idle:
@@ -231,7 +222,7 @@ async def test_a_port_that_is_published_on_the_loopback_interface_alone_needs_no
     published = ConsoleAddress(host="0.0.0.0", port=0, published="http://127.0.0.1:18080")  # noqa: S104
     async with when_served(published) as url:
         # What people open is the address outside, whatever it is served on inside.
-        assert url == "http://127.0.0.1:18080/?token=" + "t" * 24
+        assert url == f"http://127.0.0.1:18080/?token={LOOKS}"
 
 
 @pytest.mark.parametrize(
@@ -270,14 +261,14 @@ async def test_tiles_are_for_who_has_the_token_and_the_page_may_show_pictures_on
 ):
     source = Nothing()
     source.tiles = open_tiles(str(picture_file(tmp_path / "a.mbtiles")))
-    async with served(source, ANYWHERE, title="a", token="t" * 24) as url:
+    async with when_served(source=source) as url:
         parts = urlsplit(url)
-        status, headers, _ = await asyncio.to_thread(ask, url, "/tiles/0/0/0")
+        status, headers, _ = await ask(url, "/tiles/0/0/0")
         assert status == 403
-        cookie = f"vfguide-console-{parts.port}={'t' * 24}"
-        status, headers, text = await asyncio.to_thread(ask, url, "/tiles/0/0/0", cookie=cookie)
+        cookie = f"vfguide-console-{parts.port}={LOOKS}"
+        status, headers, text = await ask(url, "/tiles/0/0/0", cookie=cookie)
         assert (status, headers["content-type"]) == (200, "image/jpeg")
         assert headers["content-security-policy"].endswith("; img-src 'self'")
         for path in ("/tiles/1/0/0", "/tiles/0/0/9", "/tiles/-1/0/0", "/tiles/0/0/../../x"):
-            status, _, text = await asyncio.to_thread(ask, url, path, cookie=cookie)
+            status, _, text = await ask(url, path, cookie=cookie)
             assert status == 404, text

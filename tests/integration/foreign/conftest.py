@@ -77,12 +77,6 @@ class Emulation:
             pytest.fail(f"it has not come to that, but to: {state}")
 
 
-@pytest.fixture
-def port() -> int:
-    """A UDP port of 127.0.0.1 that nobody uses."""
-    return free_port()
-
-
 Emulate = Callable[..., AbstractAsyncContextManager[Emulation]]
 
 

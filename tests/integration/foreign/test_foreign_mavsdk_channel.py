@@ -13,7 +13,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import vfguide.mavlink.mavsdk
-from tests.kit.sockets import PATIENCE_S, until
+from tests.kit.sockets import PATIENCE_S, free_port, until
 from tests.kit.terminal import Plug
 from tests.kit.wire import framed
 from vfguide.errors import InputError
@@ -99,10 +99,10 @@ async def test_a_serial_port_that_comes_late_and_is_unplugged_is_opened_again(
             await until(lambda: not made.connected)
 
 
-async def test_a_port_that_another_program_has_is_told_before_anything_flies(port):
+async def test_a_port_that_another_program_has_is_told_before_anything_flies():
     with socket.socket(type=socket.SOCK_DGRAM) as other:
-        other.bind(("127.0.0.1", port))
-        address = parse_address(f"udpin://127.0.0.1:{port}")
+        other.bind(("127.0.0.1", 0))
+        address = parse_address(f"udpin://127.0.0.1:{other.getsockname()[1]}")
         with pytest.raises(InputError, match="BIND_ERROR"):
             async with open_connection(address, print, random=Random(1), by_mavsdk=True):
                 pytest.fail("it was opened")
@@ -125,8 +125,9 @@ for _ in range(20):
 """
 
 
-def test_it_can_be_stopped_while_no_autopilot_is_found(port):
+def test_it_can_be_stopped_while_no_autopilot_is_found():
     # In a process of its own: what could go wrong ends it by SIGABRT or SIGSEGV.
-    command = [sys.executable, "-c", STOPPED_WHILE_SEARCHING, f"udpin://127.0.0.1:{port}"]
+    address = f"udpin://127.0.0.1:{free_port()}"
+    command = [sys.executable, "-c", STOPPED_WHILE_SEARCHING, address]
     ended = subprocess.run(command, capture_output=True, check=False, timeout=PATIENCE_S)
     assert ended.returncode == 0, ended.stderr.decode()

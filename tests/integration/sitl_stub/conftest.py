@@ -79,17 +79,6 @@ def autopilot() -> Autopilot:
 
 
 @pytest.fixture
-def another_autopilot() -> Autopilot:
-    """The same once more."""
-    return new_autopilot()
-
-
-@pytest.fixture
-def dialogue() -> Callable[[], Dialogue]:
-    return Dialogue
-
-
-@pytest.fixture
 def station() -> Callable[..., AbstractAsyncContextManager[UdpStation]]:
     """Opens a UDP socket that speaks to an emulator's address, if it is given one."""
 

@@ -4,32 +4,19 @@ import socket
 import pytest
 
 from sitl_stub.links import LinkError
+from tests.integration.sitl_stub.conftest import Dialogue
 
 
-async def test_a_client_gets_telemetry_and_answers(served, dialogue, client):
-    ground = dialogue()
+async def test_a_client_gets_telemetry_and_answers(served, client):
+    ground = Dialogue()
     async with served("tcpin://127.0.0.1:0") as address, client(address, ground) as writer:
         await ground.message("HEARTBEAT")
         writer.write(ground.command(176, 1, 15))
         assert (await ground.message("COMMAND_ACK")).result == 0
 
 
-async def test_frames_in_single_bytes_with_garbage_between_are_all_obeyed(served, dialogue, client):
-    ground = dialogue()
-    async with served("tcpin://127.0.0.1:0") as address, client(address, ground) as writer:
-        writer.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        for interval_us in range(100_000, 110_000, 1000):
-            stream = b"\xfd\x07garbage\xfe" + ground.command(511, 33, interval_us)
-            for byte in stream:
-                writer.write(bytes((byte,)))
-                await writer.drain()
-                await asyncio.sleep(0)
-        for _ in range(10):
-            assert (await ground.message("COMMAND_ACK")).result == 0
-
-
-async def test_two_clients_both_get_telemetry_and_one_may_leave(served, dialogue, client):
-    first, second = dialogue(), dialogue()
+async def test_two_clients_both_get_telemetry_and_one_may_leave(served, client):
+    first, second = Dialogue(), Dialogue()
     async with served("tcpin://127.0.0.1:0", speedup=10.0) as address, client(address, first):
         async with client(address, second):
             await first.message("HEARTBEAT")
@@ -38,8 +25,8 @@ async def test_two_clients_both_get_telemetry_and_one_may_leave(served, dialogue
         await first.message("HEARTBEAT")
 
 
-async def test_a_client_that_does_not_read_holds_up_nobody(served, dialogue, client):
-    ground = dialogue()
+async def test_a_client_that_does_not_read_holds_up_nobody(served, client):
+    ground = Dialogue()
     async with served("tcpin://127.0.0.1:0", speedup=100.0) as address:
         with socket.create_connection((address.host, address.port)) as deaf:
             deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -50,8 +37,8 @@ async def test_a_client_that_does_not_read_holds_up_nobody(served, dialogue, cli
                     await ground.message("GLOBAL_POSITION_INT")
 
 
-async def test_it_connects_once_there_is_a_server_and_again_after_a_loss(served, dialogue):
-    ground = dialogue()
+async def test_it_connects_once_there_is_a_server_and_again_after_a_loss(served):
+    ground = Dialogue()
     with socket.socket() as reserved:
         reserved.bind(("127.0.0.1", 0))
         port = reserved.getsockname()[1]

@@ -8,28 +8,27 @@ import pytest
 
 from sitl_stub import Truth
 from sitl_stub.links import AddressError
-from tests.kit.autopilot import serve
+from tests.kit.autopilot import new_autopilot, serve
 
 
 def read(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
-def test_true_states_are_of_the_exact_multiples_of_their_period(autopilot, tmp_path):
+# 1/30 s is no whole number of microseconds, and must not drift.
+@pytest.mark.parametrize(("rate_hz", "seconds"), [(20, 3), (30, 10)])
+def test_true_states_are_of_the_exact_multiples_of_their_period(
+    autopilot, tmp_path, rate_hz, seconds
+):
     path = tmp_path / "truth.jsonl"
-    asyncio.run(serve(autopilot, speedup=20.0, truth=str(path), duration_s=3.0))
+    options = {"speedup": 100.0, "truth_rate_hz": float(rate_hz), "duration_s": float(seconds)}
+    asyncio.run(serve(autopilot, truth=str(path), **options))
     samples = read(path)
-    assert [sample["time_s"] for sample in samples] == [round(k / 20, 2) for k in range(61)]
+    times = [round(k / rate_hz, 6) for k in range(seconds * rate_hz + 1)]
+    assert [sample["time_s"] for sample in samples] == times
     assert set(Truth.__struct_fields__) | {"system_id"} == set(samples[0])
     assert samples[0]["system_id"] == 7
-    assert autopilot.truth().time_s == 3.0
-
-
-def test_a_period_that_is_no_whole_number_of_microseconds_does_not_drift(autopilot, tmp_path):
-    path = tmp_path / "truth.jsonl"
-    options = {"speedup": 100.0, "truth_rate_hz": 30.0, "duration_s": 10.0}
-    asyncio.run(serve(autopilot, truth=str(path), **options))
-    assert [sample["time_s"] for sample in read(path)] == [round(k / 30, 6) for k in range(301)]
+    assert autopilot.truth().time_s == seconds
 
 
 async def test_true_states_also_go_out_as_datagrams(served, station):
@@ -43,11 +42,9 @@ async def test_true_states_also_go_out_as_datagrams(served, station):
     assert all(datagram.count(b"\n") == 1 for datagram in judge.datagrams)
 
 
-def test_true_states_depend_neither_on_the_speed_up_nor_on_a_late_start(
-    autopilot, another_autopilot, tmp_path
-):
+def test_true_states_depend_neither_on_the_speed_up_nor_on_a_late_start(autopilot, tmp_path):
     paths = (tmp_path / "on-time.jsonl", tmp_path / "late.jsonl")
-    starts = ((autopilot, 100.0, 0.2), (another_autopilot, 10.0, -0.2))
+    starts = ((autopilot, 100.0, 0.2), (new_autopilot(), 10.0, -0.2))
     for path, (vehicle, speedup, from_now_s) in zip(paths, starts, strict=True):
         options = {"speedup": speedup, "truth": str(path), "duration_s": 4.0}
         asyncio.run(serve(vehicle, epoch_s=time.time() + from_now_s, **options))

@@ -73,8 +73,18 @@ def voice() -> Iterator[Callable[[], socket.socket]]:
         one.close()
 
 
+@pytest.fixture(scope="session")
+def nothing_old_is_looked_at() -> Iterator[None]:
+    """Spare the collector what the tests of other places have left: there is much of it."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
 @pytest.fixture(autouse=True)
-def nothing_is_left_open() -> Iterator[None]:
+def nothing_is_left_open(nothing_old_is_looked_at: None) -> Iterator[None]:
     """Whatever was not closed warns now, in the test that forgot it."""
+    del nothing_old_is_looked_at
     yield
     gc.collect()

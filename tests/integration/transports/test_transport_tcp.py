@@ -3,13 +3,11 @@ import logging
 import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from functools import partial
 
 import pytest
 
 from tests.kit.sockets import free_port, until
 from tests.kit.wire import beat
-from vfguide.mavlink.connection import Connection
 from vfguide.mavlink.stream import LARGEST_BACKLOG
 
 
@@ -46,17 +44,6 @@ async def test_a_call_is_answered_frame_by_frame(opened):
         await inbox.holds(beat(1))
         writer.write(beat(2)[5:] + beat(3))
         await inbox.holds(beat(1), beat(2), beat(3))
-
-
-async def test_noise_in_a_stream_is_counted_and_costs_no_frame(opened):
-    port, autopilot = free_port(), Autopilot()
-    async with autopilot.up(port), opened(f"tcpout://127.0.0.1:{port}") as (connection, inbox):
-        await until(lambda: autopilot.callers)
-        writer = autopilot.callers[0][1]
-        writer.write(b"noise" * 20_000 + beat(1) + b"noise" + beat(2))
-        await inbox.holds(beat(1), beat(2))
-        assert connection.counters["bytes left out"] == 100_005
-        assert connection.counters["out of step"] == 1
 
 
 async def test_a_server_that_restarts_is_called_again(opened, caplog):
@@ -132,22 +119,6 @@ async def closed(reader: asyncio.StreamReader) -> bool:
         return await reader.read() == b""
     except ConnectionError:
         return True
-
-
-def both_stand(one: Connection, other: Connection) -> bool:
-    return one.connected and other.connected
-
-
-async def test_both_ends_find_each_other_again(opened):
-    port = free_port()
-    async with opened(f"tcpout://localhost:{port}") as (calling, answered):
-        for system_id in (1, 2):
-            async with opened(f"tcpin://0.0.0.0:{port}") as (called, inbox):
-                await until(partial(both_stand, calling, called))
-                calling.send(beat(3))
-                await inbox.holds(beat(3))
-                called.send(beat(system_id))
-                await answered.ends_with(beat(system_id))
 
 
 @pytest.mark.parametrize("kind", ["tcpin", "tcpout"])

@@ -37,34 +37,6 @@ async def test_nothing_is_sent_before_somebody_has_spoken(opened):
         assert connection.counters["dropped: not connected"] == 2
 
 
-async def test_both_ends_speak_to_each_other(opened):
-    port = free_port()
-    async with (
-        opened(f"udpin://0.0.0.0:{port}") as (waiting, waited),
-        opened(f"udpout://localhost:{port}") as (speaking, answered),
-    ):
-        assert speaking.connected
-        speaking.send(beat(1))
-        await waited.holds(beat(1))
-        waiting.send(beat(2) + beat(3))
-        await answered.holds(beat(2) + beat(3))
-        assert answered.datagrams == [beat(2) + beat(3)]
-
-
-async def test_ipv6(opened):
-    if not socket.has_ipv6 or not has_loopback_6():
-        pytest.skip("this computer has no IPv6")
-    port = free_port()
-    async with (
-        opened(f"udpin://[::1]:{port}") as (waiting, waited),
-        opened(f"udpout://[::1]:{port}") as (speaking, answered),
-    ):
-        speaking.send(beat(1))
-        await waited.holds(beat(1))
-        waiting.send(beat(2))
-        await answered.holds(beat(2))
-
-
 def has_loopback_6() -> bool:
     try:
         with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as probe:
@@ -72,6 +44,27 @@ def has_loopback_6() -> bool:
     except OSError:
         return False
     return True
+
+
+IPV6 = pytest.mark.skipif(not has_loopback_6(), reason="this computer has no IPv6")
+
+
+@pytest.mark.parametrize(
+    ("here", "there"),
+    [("0.0.0.0", "localhost"), pytest.param("[::1]", "[::1]", marks=IPV6)],  # noqa: S104
+)
+async def test_both_ends_speak_to_each_other(opened, here, there):
+    port = free_port()
+    async with (
+        opened(f"udpin://{here}:{port}") as (waiting, waited),
+        opened(f"udpout://{there}:{port}") as (speaking, answered),
+    ):
+        assert speaking.connected
+        speaking.send(beat(1))
+        await waited.holds(beat(1))
+        waiting.send(beat(2) + beat(3))
+        await answered.holds(beat(2) + beat(3))
+        assert answered.datagrams == [beat(2) + beat(3)]
 
 
 async def test_a_stray_packet_neither_steals_setpoints_nor_passes_for_telemetry(opened, voice):

@@ -10,6 +10,7 @@ from msgspec.structs import asdict
 
 import sitl_stub
 from tests.kit.missions import shipped
+from vfguide.commands.judge import until_online
 from vfguide.errors import InputError, VfguideError
 from vfguide.lab.rehearsal.live import LiveFlight, await_start, give_start
 from vfguide.lab.rehearsal.processes import Process
@@ -127,3 +128,15 @@ def test_who_waits_in_vain_gives_up_and_a_signal_that_cannot_be_given_is_one_lin
     words = r"signal: cannot be written \(No such file or directory\)"
     with pytest.raises(InputError, match=words):
         give_start(tmp_path / "nowhere" / "signal", epoch_s=1.0)
+
+
+class Incomplete:
+    """A flight one of whose companions never comes."""
+
+    async def missing(self) -> list[str]:
+        return ["f3"]
+
+
+async def test_a_judge_begins_without_companions_that_do_not_come_and_says_so(capsys):
+    await until_online(Incomplete(), patience_s=0.0, stop=lambda: False)  # type: ignore[arg-type]
+    assert "begun without the companions of f3" in capsys.readouterr().err
