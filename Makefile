@@ -17,7 +17,7 @@ help: ## this list
 fly: $(VENV)/.runtime ## sets up .venv and flies missions/circle-wind.yaml (or MISSION=...), report included
 	$(BIN)/vfguide fly $(MISSION) --out $(OUT)
 
-# tests/stages.py runs test-lint and test-lockstep beside test-sockets, test-containers and test-live, one after the other.
+# tests/stages.py runs test-lint and test-lockstep beside the others: test-sockets with test-containers, then test-live.
 test: $(VENV)/.dev ## lint and the whole test suite, as continuous integration runs it; a line a stage, output in test-logs/
 	$(BIN)/python tests/stages.py
 

@@ -41,6 +41,7 @@ LIGHT = (
     "integration/live/test_live_abandoned.py",
     "integration/live/test_live_follow_target.py",
     "integration/live/test_live_from_python.py",
+    "integration/live/test_live_ground_orders.py",
     "integration/live/test_live_own_parts.py",
 )
 """Of the live ones those that fly for seconds, or ask for little processor: they may fly beside any other."""

@@ -66,31 +66,48 @@ def made(name: str) -> Stage:
     return Stage(name, ("make", "--no-print-directory", f"test-{name}"))
 
 
-ROWS = ((made("lockstep"),), (made("lint"),), (made("sockets"), made("containers"), made("live")))
-"""Side by side, the stages of a row one after the other.
+Rows = Sequence["Row"]
+"""Side by side."""
+Row = Sequence[Stage | Rows]
+"""One after the other."""
 
-Lint and the flights in lockstep take what processor is left. What runs in real time needs it, one stage at a
-time: two beside each other test the machine. Those in containers follow, as their image is made meanwhile.
+ROWS: Rows = (
+    (made("lockstep"),),
+    (made("lint"),),
+    (((made("sockets"),), (made("containers"),)), made("live")),
+)
+"""Lint and the flights in lockstep take what processor is left. What runs in real time needs it.
+
+Formations that fly live, two at a time, do so alone. Of those in containers one flies at a time, for half a
+core, and programs on sockets wait most of the time: these two stages go beside each other.
 """
 
 
-def main(rows: Sequence[Sequence[Stage]] = ROWS) -> int:
+def main(rows: Rows = ROWS) -> int:
     """Run all stages; return 0 where each has succeeded, else 1."""
     began_s = time.monotonic()
     LOGS.mkdir(exist_ok=True)
-    with ThreadPoolExecutor(max_workers=len(rows)) as pool:
-        ended = [one for row in pool.map(run_row, rows) for one in row]
+    ended = run_rows(rows)
     (LOGS / "longest.txt").write_text(longest(ended))
     say(total_line(ended, time.monotonic() - began_s))
     return int(any(one.status for one in ended))
 
 
-def run_row(row: Sequence[Stage]) -> list[Ended]:
+def run_rows(rows: Rows) -> list[Ended]:
+    """Run rows side by side."""
+    with ThreadPoolExecutor(max_workers=len(rows)) as pool:
+        return [one for row in pool.map(run_row, rows) for one in row]
+
+
+def run_row(row: Row) -> list[Ended]:
     """Run stages one after the other, and tell how each ended."""
     ended = []
     for stage in row:
-        ended.append(run(stage))
-        tell(ended[-1])
+        if isinstance(stage, Stage):
+            ended.append(run(stage))
+            tell(ended[-1])
+        else:
+            ended += run_rows(stage)
     return ended
 
 

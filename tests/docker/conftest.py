@@ -77,8 +77,8 @@ def all_flights(
     with ThreadPoolExecutor(max_workers=1) as pool:
         removals = Removals(pool)
         yield AllFlights(
-            lambda name: fly(
-                compose, name, tmp_path_factory.mktemp(name), scenarios[name], removals
+            lambda name, attempt: fly(
+                compose, name, tmp_path_factory.mktemp(name), scenarios[name], removals, attempt
             )
         )
         removals.finish_all()

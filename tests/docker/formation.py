@@ -39,14 +39,14 @@ class Formation:
     def __init__(
         self, compose: tuple[str, ...], name: str, directory: Path, settings: dict[str, str]
     ) -> None:
-        self.began_s = 0.0
-        """Unix time at which it was told to start."""
         # A flight that is flown again starts while the containers of the first are removed.
         self._name = f"vfguide-test-{name}-{os.getpid()}-{next(NUMBERS)}"
         self.directory = directory
         self._files = [str(COMPOSE_FILE)]
         self._compose = compose
         self._environment = {**os.environ, "COMPOSE_PROFILES": "demo", **settings}
+        self.speedup = float(settings["SPEEDUP"])
+        """Seconds of the flight for each real one."""
         direct = self._environment["COMPOSE_PROFILES"] == "direct"
         self.services = DIRECT_SERVICES if direct else SERVICES
         """Names of its containers."""
@@ -82,10 +82,6 @@ class Formation:
         described: dict[str, Any] = json.loads(run("docker", "inspect", self.container(service)))[0]
         return described
 
-    def docker(self, *arguments: str) -> str:
-        """A command of Docker."""
-        return run("docker", *arguments)
-
     def inside(self, service: str, *command: str, check: bool = True) -> str:
         """Run a command in a container, as its user."""
         return run("docker", "exec", self.container(service), *command, check=check)
@@ -100,23 +96,20 @@ class Formation:
 
     def start(self) -> None:
         """Start all containers, and wait until the judge lets the aircraft begin."""
-        self.began_s = time.time()
         self.compose("up", "--detach")
         self.await_signal()
 
     def begin_in_foreground(self) -> None:
         """Start as a user does who wants a verdict, and wait until the aircraft begin."""
-        self.began_s = time.time()
         verdict = ("up", "--abort-on-container-exit", "--exit-code-from", self._judge)
-        output = (self.directory / "up.log").open("w")
-        self._foreground = subprocess.Popen(
-            self._command(*verdict),
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            cwd=PROJECT,
-            env=self._environment,
-        )
-        output.close()
+        with (self.directory / "up.log").open("w") as output:
+            self._foreground = subprocess.Popen(
+                self._command(*verdict),
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                cwd=PROJECT,
+                env=self._environment,
+            )
         self.await_signal()
 
     def finish_in_foreground(self, seen: object = None) -> Flown:
@@ -149,11 +142,11 @@ class Formation:
     @property
     def time_s(self) -> float:
         """Time of the flight now, s."""
-        return time.time() - self._epoch_s
+        return (time.time() - self._epoch_s) * self.speedup
 
     def reach(self, time_s: float) -> None:
         """Wait for a time of the flight."""
-        time.sleep(max(time_s - self.time_s, 0.0))
+        time.sleep(max(time_s - self.time_s, 0.0) / self.speedup)
 
     def await_word(self, service: str, text: str, *, times: int = 1) -> None:
         """Wait until a container's log has a text that often: a busy machine starts programs slowly."""
@@ -162,8 +155,8 @@ class Formation:
             assert time.time() < ends, f"{service} never said {text!r} {times} times: {log}"
             time.sleep(0.5)
 
-    def impair(self, service: str, *, seconds: float, delay_s: float, loss: float) -> str:
-        """Delay and drop what a container sends: by netem where the kernel has it."""
+    def impair(self, service: str, until_s: float, *, delay_s: float, loss: float) -> str:
+        """Delay and drop what a container sends to a time of the flight: by netem where the kernel has it."""
         into = ["nsenter", "--target", str(self.inspect(service)["State"]["Pid"]), "--net"]
         shape = ["netem", "delay", f"{delay_s * 1e3:g}ms", "loss", f"{loss:.0%}"]
         queue = ["dev", "eth0", "root"]
@@ -171,17 +164,18 @@ class Formation:
             [*into, "tc", "qdisc", "add", *queue, *shape], capture_output=True, check=False
         )
         if netem.returncode == 0:
-            time.sleep(seconds)
+            self.reach(until_s)
             run(*into, "tc", "qdisc", "del", *queue)
             return "by netem"
+        seconds = (until_s - self.time_s) / self.speedup
         figures = (str(seconds), str(delay_s), str(loss))
         return run(*into, sys.executable, str(IMPAIR), *figures).strip()
 
-    def finish(self, seen: object = None) -> Flown:
-        """Wait for the verdict, and keep what is needed to judge the judge."""
+    def finish(self, seen: object) -> Flown:
+        """End the flight, wait for the verdict, and keep what is needed to judge the judge."""
         judge = self.container(self._judge)
-        status = int(run("docker", "wait", judge))
-        return self.keep(status, seen)
+        run("docker", "kill", "--signal", "INT", judge)
+        return self.keep(int(run("docker", "wait", judge)), seen)
 
     def keep(self, status: int, seen: object) -> Flown:
         """Copy the judge's files and all logs."""

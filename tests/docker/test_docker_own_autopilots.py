@@ -25,10 +25,13 @@ IN_SLOT_M = 1.0
 TRIES = 180
 """A second each."""
 
+SPEED = {"environment": {"SPEEDUP": "${SPEEDUP}"}}
+"""Of companions that otherwise fly in real time."""
+
 STUB = (
     *(sys.executable, "-m", "sitl_stub", "--system-id", "1", "--count", "4", "--airborne"),
     *("--mavlink", "udpout://127.0.0.1:14540", "--start", "47.397742,8.545594,588,270"),
-    *("--truth-rate", "20"),
+    *("--truth-rate", "20", "--speedup"),
 )
 """Four autopilots on this computer, who call the ports that the companions are published at."""
 
@@ -51,11 +54,12 @@ def slot_errors(mission: Mission, truth: Path) -> dict[str, float]:
 
 def own_autopilots(formation: Formation) -> Flown:
     """Fly until all are where they belong, for a while; how far off they were at last, and the console."""
+    formation.overrule({"services": dict.fromkeys(COMPANIONS, SPEED)})
     formation.compose("up", "--detach")
     mission = load_mission(formation.directory / "mission.yaml")
     truth = formation.directory / "truth.jsonl"
     astray = dict.fromkeys(FOLLOWERS, math.inf)
-    with subprocess.Popen([*STUB, "--truth", str(truth)]) as stub:
+    with subprocess.Popen([*STUB, str(formation.speedup), "--truth", str(truth)]) as stub:
         try:
             for _ in range(TRIES):
                 time.sleep(1.0)

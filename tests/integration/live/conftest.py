@@ -50,13 +50,38 @@ def spectator(watched: WatchedFormation, receive: Callable[[bytes], None]) -> Me
     return Member(trust, clock=watched.clock, receive=receive, peer_clock=PeerClock())
 
 
-class Watched:
-    """A live flight, its broker, and how well the formation is kept."""
+class Logged:
+    """A live flight, and what its companions say."""
+
+    def __init__(self, flight: LiveFlight, directory: Path) -> None:
+        self.flight = flight
+        self.directory = directory
+
+    def log(self, vehicle: str) -> str:
+        """What a companion had to say so far."""
+        return (self.directory / f"{vehicle}.companion.log").read_text()
+
+    async def all_say(self, words: str, *vehicles: str) -> None:
+        """Wait until each of some companions, or of all, has said something."""
+        await until(lambda: all(words in self.log(name) for name in vehicles or self.flight.names))
+
+    def times_steering(self, vehicle: str) -> int:
+        """How often a companion began to steer."""
+        return len(re.findall(r"waiting -> (?:joining|tracking)", self.log(vehicle)))
+
+    async def start_again(self, vehicle: str) -> None:
+        """Start a companion again, until it steers: how long that takes is the machine's."""
+        steered = self.times_steering(vehicle)
+        await self.flight.companions[vehicle].start()
+        await until(lambda: self.times_steering(vehicle) > steered)
+
+
+class Watched(Logged):
+    """The same, its broker, and how well the formation is kept."""
 
     def __init__(self, flight: LiveFlight, broker: Mosquitto, directory: Path) -> None:
-        self.flight = flight
+        super().__init__(flight, directory)
         self.broker = broker
-        self.directory = directory
         self.heard_s: list[float] = []
         """When states of the leader came over the link."""
         self.is_over = False
@@ -77,10 +102,6 @@ class Watched:
         recovery_s = await self.recovery_s(0.0)
         assert recovery_s < RECOVERY_S
 
-    def log(self, vehicle: str) -> str:
-        """What a companion had to say so far."""
-        return (self.directory / f"{vehicle}.companion.log").read_text()
-
     async def until_followers_are(self, *modes: str) -> None:
         """Wait until each follower's companion says that it is in one of these modes."""
         _, *followers = self.flight.names
@@ -90,12 +111,6 @@ class Watched:
         """Let this much simulation time pass by the clock, whether or not anybody flies."""
         ends_s = self.flight.time_s + length_s
         await until(lambda: self.flight.time_s >= ends_s)
-
-    async def start_again(self, vehicle: str) -> None:
-        """Start a companion again, until it steers: how long that takes is the machine's."""
-        steered = self.log(vehicle).count("-> joining")
-        await self.flight.companions[vehicle].start()
-        await until(lambda: self.log(vehicle).count("-> joining") > steered)
 
     async def recovery_s(self, ended_s: float) -> float:
         """Simulation time from the end of a disturbance until everyone is back, and stays."""

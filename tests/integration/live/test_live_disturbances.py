@@ -34,14 +34,13 @@ async def test_formation_outlives_a_broker_that_is_killed_and_autopilots_that_ha
 ):
     async with flown() as watched:
         await watched.settle()
-        for length_s in (2.0, 20.0):
-            watched.broker.kill()
-            await watched.wait(length_s)
-            await watched.until_followers_are("predicting")
-            watched.broker.start()
-            ended_s = watched.flight.time_s
-            await watched.until_followers_are("tracking")
-            assert await watched.recovery_s(ended_s) <= RECOVERY_S
+        watched.broker.kill()
+        await watched.wait(20.0)
+        await watched.until_followers_are("predicting")
+        watched.broker.start()
+        ended_s = watched.flight.time_s
+        await watched.until_followers_are("tracking")
+        assert await watched.recovery_s(ended_s) <= RECOVERY_S
 
         emulators = watched.flight.emulators
         before = watched.log("f1").count("-> predicting")
@@ -98,8 +97,8 @@ async def broker_is_not_missed(watched: Any) -> None:
     before = {name: watched.log(name).count("-> predicting") for name in FOLLOWERS}
     began_s = watched.flight.truth_collector.time_s
     watched.broker.kill()
-    await watched.wait(15.0)
-    await watched.reach(began_s + 15.0)
+    await watched.wait(10.0)
+    await watched.reach(began_s + 10.0)
     for name in FOLLOWERS:
         assert watched.log(name).count("-> predicting") == before[name]
         assert "is lost: the other goes on" in watched.log(name)

@@ -8,7 +8,7 @@ from tests.kit.programs import vfguide
 async def test_followers_keep_their_slots_with_a_delay_that_they_ask_for(mosquitto, speedup):
     flown = await vfguide(
         *("fly", "foreign-leader", "--live", "--json", "--speedup", f"{speedup:g}"),
-        *("--duration", 60, "--link", mosquitto().url, "--set", "leader.least_delay_s=null"),
+        *("--duration", 48, "--link", mosquitto().url, "--set", "leader.least_delay_s=null"),
     )
     assert flown.status in (0, 1), flown.err
     summary = json.loads(flown.out)

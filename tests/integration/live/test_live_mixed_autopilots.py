@@ -17,7 +17,7 @@ vehicles:
   f1: {system_id: 2, autopilot: px4}
   f2: {system_id: 3, autopilot: mavsdk}
 wind: {type: steady, speed_m_s: 3, toward_deg: 90}
-rehearsal: {duration_s: 100, rate_hz: 20}
+rehearsal: {duration_s: 80, rate_hz: 20}
 acceptance: {min_separation_m: 10}
 """
 

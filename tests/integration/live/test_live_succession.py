@@ -1,18 +1,17 @@
 """A leader that is killed over the real link: a deputy leads, others start anew, the leader comes back."""
 
-import re
 import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from pathlib import Path
 
 import pytest
 import zenoh
 
+from tests.integration.live.conftest import Logged
 from tests.kit.missions import on_the_circle, replaced
 from tests.kit.programs import Mosquitto
 from tests.kit.sockets import until
-from vfguide.lab.rehearsal.live import LiveFlight, companions_lost, live_flight
+from vfguide.lab.rehearsal.live import companions_lost, live_flight
 from vfguide.lab.rehearsal.processes import free_port
 
 LEADS_S = 3.0
@@ -43,28 +42,6 @@ async def link_of(kind: str, mosquitto: Callable[[], Mosquitto]) -> AsyncIterato
     yield mosquitto().url
 
 
-class Logs:
-    """What the companions of a flight have said."""
-
-    def __init__(self, flight: LiveFlight, directory: Path) -> None:
-        self.flight = flight
-        self._directory = directory
-
-    def of(self, vehicle: str) -> str:
-        """Of one of them, so far."""
-        return (self._directory / f"{vehicle}.companion.log").read_text()
-
-    def times_steering(self, vehicle: str) -> int:
-        """How often it began to steer."""
-        return len(re.findall(r"waiting -> (?:joining|tracking)", self.of(vehicle)))
-
-    async def until(self, condition: Callable[[], object]) -> float:
-        """Wait for a condition; simulation time that it took, s."""
-        began_s = self.flight.time_s
-        await until(condition)
-        return self.flight.time_s - began_s
-
-
 @pytest.mark.parametrize("kind", ["udp", "mqtt", "zenoh"])
 async def test_a_deputy_leads_when_the_leaders_companion_is_killed(
     kind, mission, tmp_path, mosquitto, speedup
@@ -74,29 +51,26 @@ async def test_a_deputy_leads_when_the_leaders_companion_is_killed(
         link_of(kind, mosquitto) as link,
         live_flight(mission, directory=tmp_path, links=[link], speedup=speedup) as flight,
     ):
-        logs = Logs(flight, tmp_path)
-        await logs.until(lambda: all("-> tracking" in logs.of(name) for name in flight.names))
+        logs = Logged(flight, tmp_path)
+        await logs.all_say("-> tracking")
         # It has to be heard that its companion steers it: else there is no leader to succeed.
         steered_s = flight.time_s
-        await logs.until(lambda: flight.time_s > steered_s + 3.0)
+        await until(lambda: flight.time_s > steered_s + 3.0)
         await flight.companions["leader"].kill()
-        led_s = await logs.until(lambda: "leads the formation in place of" in logs.of("f1"))
-        assert led_s < LEADS_S
-        await logs.until(lambda: all(LEAD in logs.of(name) for name in ("f2", "f3")))
+        killed_s = flight.time_s
+        await logs.all_say("leads the formation in place of", "f1")
+        assert flight.time_s - killed_s < LEADS_S
+        await logs.all_say(LEAD, "f2", "f3")
 
         # The formation's time and the leader's session are to be had of the deputy now.
         await flight.companions["f3"].kill()
-        steering = logs.times_steering("f3")
-        await flight.companions["f3"].start()
-        await logs.until(lambda: logs.times_steering("f3") > steering)
-        await logs.until(lambda: logs.of("f3").count(LEAD) == 2)
+        await logs.start_again("f3")
+        await until(lambda: logs.log("f3").count(LEAD) == 2)
 
         # Whose companion comes back finds another leader, and follows.
-        steering = logs.times_steering("leader")
-        await flight.companions["leader"].start()
-        await logs.until(lambda: LEAD in logs.of("leader"))
-        await logs.until(lambda: logs.times_steering("leader") > steering)
-        assert "breakaway" not in "".join(logs.of(name) for name in flight.names)
+        await logs.start_again("leader")
+        await logs.all_say(LEAD, "leader")
+        assert "breakaway" not in "".join(logs.log(name) for name in flight.names)
 
 
 async def test_a_mission_kills_a_companion_at_its_time_and_starts_it_again(
@@ -110,12 +84,12 @@ async def test_a_mission_kills_a_companion_at_its_time_and_starts_it_again(
         live_flight(mission, directory=tmp_path, links=links, speedup=speedup) as flight,
         companions_lost(flight),
     ):
-        logs, companion = Logs(flight, tmp_path), flight.companions["f3"]
-        await logs.until(lambda: not companion.running)
+        logs, companion = Logged(flight, tmp_path), flight.companions["f3"]
+        await until(lambda: not companion.running)
         assert companion.exit_code is None
         assert flight.time_s >= lost_s
         flight.check()
         steering = logs.times_steering("f3")
-        await logs.until(lambda: companion.running)
+        await until(lambda: companion.running)
         assert flight.time_s >= back_s
-        await logs.until(lambda: logs.times_steering("f3") > steering)
+        await until(lambda: logs.times_steering("f3") > steering)
