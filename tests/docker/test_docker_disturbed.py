@@ -7,6 +7,7 @@ import re
 import secrets
 import time
 from concurrent.futures import ThreadPoolExecutor
+from subprocess import PIPE, STDOUT, Popen
 from typing import Any
 
 from msgspec.structs import replace
@@ -109,7 +110,7 @@ def client(formation: Formation, user: str, program: str, *options: str, check: 
 def forge(formation: Formation) -> dict[str, Any]:
     """As f3, tell the formation something of one's own; then, that the leader is a kilometre away."""
     heard = client(
-        formation, "judge", "mosquitto_sub", "-t", STATE, "-C", "1", "-W", "15", "-F", "%x"
+        formation, "judge", "mosquitto_sub", "-t", STATE, "-C", "1", "-W", "60", "-F", "%x"
     )
     true = decode(decode_envelope(bytes.fromhex(heard.strip())).body)
     sequence = (true.sequence + 1000) % 2**32
@@ -139,8 +140,17 @@ def forge(formation: Formation) -> dict[str, Any]:
 def refused(formation: Formation) -> str:
     """What a companion says that has a wrong password, and an autopilot that is not there."""
     wrong = ("VEHICLE=f3", "VFGUIDE_LINK_PASSWORD=wrong", "INSECURE=--insecure", "STATE=/tmp")
-    words = (*wrong, "MAVLINK=udpin://127.0.0.1:14999", "timeout", "15", "run-companion")
-    return formation.inside("judge", "sh", "-c", 'exec 2>&1 env "$@"', "sh", *words, check=False)
+    words = (*wrong, "MAVLINK=udpin://127.0.0.1:14999", "timeout", "60", "run-companion")
+    command = ("docker", "exec", formation.container("judge"), "env", *words)
+    said = ""
+    with Popen(command, stdout=PIPE, stderr=STDOUT, text=True) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            said += line
+            if "refused" in line:
+                break
+        process.kill()
+    return said
 
 
 def reached_from_f1(formation: Formation, inspected: dict[str, Any]) -> dict[str, dict[str, str]]:
