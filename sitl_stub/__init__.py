@@ -21,16 +21,7 @@ from sitl_stub.lagging_plant import FirstOrder, Lagging
 from sitl_stub.links import BadLink
 from sitl_stub.loops import PlantParameters
 from sitl_stub.personality import Personality, autopilots, personality
-from sitl_stub.plant import (
-    AirPlant,
-    AirRates,
-    AirState,
-    Plant,
-    options_of,
-    plant,
-    plant_of,
-    plants,
-)
+from sitl_stub.plant import AirPlant, AirRates, AirState, Plant, options_of, plant, plant_of, plants
 from sitl_stub.px4 import EmulatedPx4
 from sitl_stub.registry import load_plugins
 from sitl_stub.route import Route

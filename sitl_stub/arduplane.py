@@ -26,15 +26,7 @@ from sitl_stub.commands import (
 from sitl_stub.config import AutopilotConfig
 from sitl_stub.flight import AutopilotMode, EmulatedFlight, by_number
 from sitl_stub.loops import GRAVITY_M_S2, SpeedTarget, TurnTarget
-from sitl_stub.parameters import (
-    Parameter,
-    Parameters,
-    int8,
-    int16,
-    int32,
-    real,
-    whole_if_possible,
-)
+from sitl_stub.parameters import Parameter, Parameters, int8, int16, int32, real, whole_if_possible
 from sitl_stub.personality import Personality, personality
 
 GUIDED = AutopilotMode("GUIDED", 15, "commanded")

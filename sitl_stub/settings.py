@@ -11,12 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, Self, cast
 
 from msgspec.structs import asdict
-from pydantic import (
-    BeforeValidator,
-    Field,
-    PlainValidator,
-    model_validator,
-)
+from pydantic import BeforeValidator, Field, PlainValidator, model_validator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl_stub.air import (
@@ -213,9 +208,7 @@ class Settings(AircraftOptions):
     of --plugin. Default: heading-hold; for px4 npfg as measured."""
 
     plant_options: Annotated[
-        dict[str, float],
-        BeforeValidator(named_numbers),
-        Option("NAME=VALUE", "plant-option"),
+        dict[str, float], BeforeValidator(named_numbers), Option("NAME=VALUE", "plant-option")
     ] = Field(default_factory=dict)
     """An option of your own plant. Repeatable."""
 
@@ -286,9 +279,7 @@ class Settings(AircraftOptions):
     """Roughness of the ground, above 0 to 0.5: the wind then grows with height."""
 
     start: Annotated[
-        Place,
-        numbers("--start", "LAT,LON,ALT,COURSE"),
-        Option("LAT,LON,ALT,COURSE"),
+        Place, numbers("--start", "LAT,LON,ALT,COURSE"), Option("LAT,LON,ALT,COURSE")
     ] = (47.397742, 8.545594, 588.0, 0.0)
     """Place and course at the start: degrees, m above mean sea level, degrees."""
 
@@ -488,11 +479,7 @@ class Settings(AircraftOptions):
             ValueError: a number is out of its range.
         """
         return BadLink(
-            autopilot,
-            delay_s=self.delay_s,
-            jitter_s=self.jitter_s,
-            loss=self.loss,
-            seed=self.seed,
+            autopilot, delay_s=self.delay_s, jitter_s=self.jitter_s, loss=self.loss, seed=self.seed
         )
 
     def place(self, index: int) -> Place:

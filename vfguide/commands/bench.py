@@ -93,8 +93,7 @@ Processes = Annotated[
 Scheduler = Annotated[
     str | None,
     typer.Option(
-        metavar="URL",
-        help="Dask scheduler, such as tcp://host:8786; default: this computer.",
+        metavar="URL", help="Dask scheduler, such as tcp://host:8786; default: this computer."
     ),
 ]
 

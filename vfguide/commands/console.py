@@ -52,8 +52,7 @@ def console(
         ),
     ] = None,
     host: Annotated[
-        str,
-        typer.Option(metavar="HOST", help="Interface to serve on; any but loopback needs TLS."),
+        str, typer.Option(metavar="HOST", help="Interface to serve on; any but loopback needs TLS.")
     ] = "127.0.0.1",
     port: Annotated[
         int,

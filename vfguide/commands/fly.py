@@ -86,12 +86,10 @@ def fly(
         ),
     ] = None,
     console: Annotated[
-        bool,
-        typer.Option("--console", help="With --live: show the flight on a page of a browser."),
+        bool, typer.Option("--console", help="With --live: show the flight on a page of a browser.")
     ] = False,
     operator: Annotated[
-        bool,
-        typer.Option("--operator", help="With --console: let orders be given from that page."),
+        bool, typer.Option("--operator", help="With --console: let orders be given from that page.")
     ] = False,
     tiles: Annotated[
         str | None,

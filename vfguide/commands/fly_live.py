@@ -346,10 +346,7 @@ def find_slowness(mission: Mission, latency: Latency, speedup: float) -> str | N
 
 @asynccontextmanager
 async def console_of(
-    mission: Mission,
-    watched: WatchedFormation,
-    tell: Callable[[str], None],
-    page: LivePage,
+    mission: Mission, watched: WatchedFormation, tell: Callable[[str], None], page: LivePage
 ) -> AsyncIterator[None]:
     """Serve the flight on a page, and print its addresses for viewers and operators."""
     # Imported here, since it brings the web server's libraries.

@@ -122,11 +122,7 @@ def identify(
 def unled(plan: FlightPlan) -> FlightPlan:
     """Return the plan without dead times and lags, which are to be identified and not compensated."""
     airframe = replace(
-        plan.airframe,
-        course_dead_time=0.0,
-        course_lag=0.0,
-        speed_dead_time=0.0,
-        speed_lag=0.0,
+        plan.airframe, course_dead_time=0.0, course_lag=0.0, speed_dead_time=0.0, speed_lag=0.0
     )
     return replace(plan, airframe=airframe)
 

@@ -67,8 +67,7 @@ RosterFile = Annotated[
     ),
 ]
 Insecure = Annotated[
-    bool,
-    typer.Option("--insecure", help="Sign nothing, and believe everybody on the link."),
+    bool, typer.Option("--insecure", help="Sign nothing, and believe everybody on the link.")
 ]
 StateDirectory = Annotated[
     Path | None,

@@ -17,14 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from vfguide.commands.credentials import KeyFiles, watched_formation
-from vfguide.commands.options import (
-    AsJson,
-    Insecure,
-    KeyFile,
-    LinkUrls,
-    MissionFile,
-    RosterFile,
-)
+from vfguide.commands.options import AsJson, Insecure, KeyFile, LinkUrls, MissionFile, RosterFile
 from vfguide.commands.terminal import Terminal, stop_event
 from vfguide.companion.roles import holder_of
 from vfguide.formation.arrangement import agreed_number

@@ -71,11 +71,7 @@ JITTER_S = 0.25
 TAKE_OFFS = frozenset({"TAKEOFF", "VTOL_TAKEOFF"})
 
 FAILSAFES = frozenset(
-    {
-        mavlink.MAV_STATE_CRITICAL,
-        mavlink.MAV_STATE_EMERGENCY,
-        mavlink.MAV_STATE_FLIGHT_TERMINATION,
-    }
+    {mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY, mavlink.MAV_STATE_FLIGHT_TERMINATION}
 )
 
 

@@ -278,12 +278,7 @@ class KeepClear:
         )
 
     def _obstacles(
-        self,
-        here: Viewpoint,
-        aim: Intent,
-        *,
-        heights: bool = False,
-        late: BoolArray | None = None,
+        self, here: Viewpoint, aim: Intent, *, heights: bool = False, late: BoolArray | None = None
     ) -> tuple[Others, list[Obstacle]] | None:
         """Return the tracks of all that may come near, and the vehicle of each; None without any."""
         found = self._traffic.possibilities(here, aim.leader, heights=heights, late=late)
@@ -475,11 +470,7 @@ def agility_of(state: VehicleState, airframe: Airframe, *, slips: bool, period: 
 
 
 def setpoint_of(
-    clear: Clearance,
-    wanted: WantedMotion,
-    own: OwnMotion,
-    agility: Agility,
-    airframe: Airframe,
+    clear: Clearance, wanted: WantedMotion, own: OwnMotion, agility: Agility, airframe: Airframe
 ) -> Setpoint:
     """Return the setpoint that turns the vehicle onto a manoeuvre's heading, within its bank limit."""
     air = wanted.velocity - own.wind

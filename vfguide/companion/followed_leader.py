@@ -277,12 +277,7 @@ class FollowedLeader:
             self._deviation = height_deviation(self._deviation, heard, planned, memory_s=memory_s)
 
     def _planned_height(
-        self,
-        leader: LeaderState,
-        point: PathPoint[float],
-        ahead_s: float,
-        *,
-        steered: bool,
+        self, leader: LeaderState, point: PathPoint[float], ahead_s: float, *, steered: bool
     ) -> HeightTarget:
         """Return the leader's planned height, or that of a hold."""
         known = self._routed_leader()
@@ -358,9 +353,7 @@ class FollowedLeader:
             for one in (before, carried)
         )
         return replace(
-            carried,
-            height=before.height + end.height - begin.height,
-            climb_rate=end.climb_rate,
+            carried, height=before.height + end.height - begin.height, climb_rate=end.climb_rate
         )
 
     def watch_route(self, leader: LeaderState) -> None:

@@ -12,13 +12,7 @@ from vfguide.companion.delay_compensator import Law
 from vfguide.companion.followed_leader import FollowedLeader
 from vfguide.companion.height_keeper import HeightKeeper
 from vfguide.companion.own_vehicle import NavigatedState
-from vfguide.companion.plan import (
-    FlightPlan,
-    FollowerTask,
-    bandwidth_for,
-    follower_law,
-    late_laws,
-)
+from vfguide.companion.plan import FlightPlan, FollowerTask, bandwidth_for, follower_law, late_laws
 from vfguide.companion.role import Role, RoleStep, StatePublisher
 from vfguide.companion.supervisor import Mode
 from vfguide.companion.timing import SharedClock
@@ -31,10 +25,7 @@ from vfguide.guidance.formation import (
     formation_error,
     slot_motion,
 )
-from vfguide.guidance.height import (
-    HeightTarget,
-    held_height,
-)
+from vfguide.guidance.height import HeightTarget, held_height
 from vfguide.guidance.separation import HORIZON_S, WantedMotion
 from vfguide.guidance.sliding_laws import cruise_setpoint, sliding_course_rate
 from vfguide.laws.base import SlotKeeper
@@ -333,11 +324,7 @@ class FollowerRole(Role):
         )
 
     def _own_state(
-        self,
-        navigated: NavigatedState,
-        motion: LeaderState,
-        mode: Mode,
-        course_setpoint: float,
+        self, navigated: NavigatedState, motion: LeaderState, mode: Mode, course_setpoint: float
     ) -> bytes | None:
         """Return the own state for the others at intervals, shortest while not steered; else None."""
         now = navigated.state.time_s

@@ -260,13 +260,7 @@ class LoiterHeight:
         self._altitude = math.nan
 
     def due(
-        self,
-        *,
-        up: float,
-        order: int | None,
-        returned: bool,
-        engaged: bool,
-        altitude_amsl: float,
+        self, *, up: float, order: int | None, returned: bool, engaged: bool, altitude_amsl: float
     ) -> list[MAVLink_message]:
         """Return the command that answers the heartbeat just heard.
 

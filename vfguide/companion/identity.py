@@ -21,12 +21,7 @@ from vfguide.companion.plan import FlightPlan
 from vfguide.companion.supervisor import Objection
 from vfguide.frames import earth_centred, way_m
 from vfguide.mavlink.announcements import name_of
-from vfguide.mavlink.reports import (
-    HeartbeatReport,
-    PositionReport,
-    SteeringReport,
-    VersionReport,
-)
+from vfguide.mavlink.reports import HeartbeatReport, PositionReport, SteeringReport, VersionReport
 from vfguide.mission.place import ENGAGED_M
 
 WITHIN_S = 3.0

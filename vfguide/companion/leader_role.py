@@ -125,12 +125,7 @@ class LeaderRole(Role):
         )
 
     def _planned_height(
-        self,
-        point: PathPoint[float],
-        motion: LeaderState,
-        ahead_s: float,
-        *,
-        steered: bool,
+        self, point: PathPoint[float], motion: LeaderState, ahead_s: float, *, steered: bool
     ) -> HeightTarget:
         """Return the height target `ahead_s` from now along the path, or that of a hold."""
         flight = self._arrangements.flight

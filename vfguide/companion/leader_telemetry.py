@@ -301,10 +301,7 @@ class LeaderTelemetry(HeardVehicle):
     def _observed(self, report: LeaderReport, motion: ReportedMotion) -> ObservedMotion:
         """Return the observed motion after a report that is believed."""
         seen = Observation(
-            time_s=motion.time_s,
-            north=motion.north,
-            east=motion.east,
-            velocity=report.velocity,
+            time_s=motion.time_s, north=motion.north, east=motion.east, velocity=report.velocity
         )
         before = self._motion
         if before is None or not 0.0 < motion.time_s - before.state.time_s <= FORGOTTEN_S:

@@ -24,12 +24,7 @@ from vfguide.guidance.formation import Slot, SlotLimits
 from vfguide.guidance.intended_motion import KnownLeader
 from vfguide.guidance.navigation import FilterTimes
 from vfguide.guidance.response import DECLARED, UNKNOWN, Certainty
-from vfguide.guidance.sliding_laws import (
-    GuidanceSettings,
-    ObserverGains,
-    PathGains,
-    SlidingGains,
-)
+from vfguide.guidance.sliding_laws import GuidanceSettings, ObserverGains, PathGains, SlidingGains
 from vfguide.laws.leader import LeaderTask
 from vfguide.mavlink.adapter import AutopilotAdapter, Vehicle
 from vfguide.mission.flight_limits import climb_limits, top_of

@@ -339,10 +339,7 @@ class OrderedFlight:
             return None
         north, east = self._plan.frame.to_local(found.latitude_deg, found.longitude_deg)
         return Circle(
-            north=north,
-            east=east,
-            radius=found.radius_m,
-            direction=1 if found.clockwise else -1,
+            north=north, east=east, radius=found.radius_m, direction=1 if found.clockwise else -1
         )
 
     def _route_of(self, order: Arrangement) -> KnownPath | None:

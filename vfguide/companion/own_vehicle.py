@@ -436,11 +436,7 @@ class OwnVehicle:
         return self._counters + self._doubt.counters + self.air.counters
 
     def _believe(
-        self,
-        report: PositionReport,
-        sample: Sample,
-        reading: Reading,
-        before: Reading | None,
+        self, report: PositionReport, sample: Sample, reading: Reading, before: Reading | None
     ) -> Believed:
         """Test a position report against everything known."""
         state, velocity = self._state, (sample.velocity_north, sample.velocity_east)

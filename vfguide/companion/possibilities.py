@@ -395,10 +395,7 @@ def tracks_banked(
         flown = integrals(speed * np.exp(1j * turned), steps)[:, len(PAST_SHARES) :]
         return np.flatnonzero(which), (begin + (air / begun)[:, None] * flown)[which]
 
-    return [
-        tracks(hangs, reported),
-        tracks(hangs & (np.abs(seen.turn_rate) > TURNS_RAD_S), limit),
-    ]
+    return [tracks(hangs, reported), tracks(hangs & (np.abs(seen.turn_rate) > TURNS_RAD_S), limit)]
 
 
 def tracks_held(

@@ -14,13 +14,7 @@ import msgspec
 from vfguide.guidance.formation import Slot
 
 Shape = Literal[
-    "vee",
-    "echelon-left",
-    "echelon-right",
-    "line-abreast",
-    "trail",
-    "diamond",
-    "finger-four",
+    "vee", "echelon-left", "echelon-right", "line-abreast", "trail", "diamond", "finger-four"
 ]
 """Name of a shape in orders."""
 

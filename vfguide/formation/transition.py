@@ -161,10 +161,7 @@ def across_time(places: Sequence[SlotMove], limits: MotionLimits) -> float:
         hardest = math.hypot(way.forward, way.right) * PEAK * RAMP_PEAK / RAMP
         climbing = 0.0 if one.layer is not None else abs(way.up) / limits.climb
         longest = max(
-            longest,
-            fastest * PEAK,
-            math.sqrt(hardest / limits.acceleration),
-            climbing * PEAK,
+            longest, fastest * PEAK, math.sqrt(hardest / limits.acceleration), climbing * PEAK
         )
     return longest
 

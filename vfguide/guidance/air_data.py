@@ -277,9 +277,7 @@ def learned(
     gain = variance * seen.by_bank / (variance * seen.by_bank**2 + noise)
     value = seen.value + gain * (seen.turn_rate - seen.value * seen.by_bank)
     return replace(
-        seen,
-        value=clip(value, LEAST, GREATEST),
-        variance=(1.0 - gain * seen.by_bank) * variance,
+        seen, value=clip(value, LEAST, GREATEST), variance=(1.0 - gain * seen.by_bank) * variance
     )
 
 

@@ -223,11 +223,7 @@ def first_order_lag(value: float, target: float, step_s: float, lag_s: float) ->
 
 
 def propagate_inner(
-    inner: Inner,
-    state: VehicleState,
-    active: ActiveSetpoint,
-    step_s: float,
-    airframe: Airframe,
+    inner: Inner, state: VehicleState, active: ActiveSetpoint, step_s: float, airframe: Airframe
 ) -> Inner:
     """Return the state of the autopilot's loops a step later; a loop without a setpoint keeps its value."""
     bank, acceleration = inner.bank, inner.acceleration

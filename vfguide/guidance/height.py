@@ -165,11 +165,7 @@ class HeightDeviation(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def height_deviation(
-    before: HeightDeviation | None,
-    leader: LeaderState,
-    planned: HeightTarget,
-    *,
-    memory_s: float,
+    before: HeightDeviation | None, leader: LeaderState, planned: HeightTarget, *, memory_s: float
 ) -> HeightDeviation:
     """Update the deviation with a leader state; one without a height changes nothing.
 

@@ -95,10 +95,7 @@ def extrapolate_along_path(
         ),
         turn_rate=turn_rate,
         turn_acceleration=low_pass(
-            leader.turn_acceleration,
-            (turn_rate - leader.turn_rate) / period,
-            period,
-            time_constant,
+            leader.turn_acceleration, (turn_rate - leader.turn_rate) / period, period, time_constant
         ),
         height=leader.height + climb_rate * period,
         climb_rate=climb_rate,
@@ -226,11 +223,7 @@ def intended_at_first(leader: LeaderState, planned: PlannedMotion) -> IntendedMo
 
 
 def intended_motion(
-    before: IntendedMotion,
-    leader: LeaderState,
-    planned: PlannedMotion,
-    *,
-    as_planned: bool = False,
+    before: IntendedMotion, leader: LeaderState, planned: PlannedMotion, *, as_planned: bool = False
 ) -> IntendedMotion:
     """Update the intended motion, to which slots are fixed, with a later state and its plan.
 

@@ -35,16 +35,12 @@ class MotionEstimate(msgspec.Struct, frozen=True, kw_only=True):
 def motion_at_first(state: VehicleState) -> MotionEstimate:
     """Start from one navigated state, with all rates zero."""
     return MotionEstimate(
-        state=_leader_state(state, acceleration=0.0, turn_rate=0.0, turn_acceleration=0.0),
-        jerk=0.0,
+        state=_leader_state(state, acceleration=0.0, turn_rate=0.0, turn_acceleration=0.0), jerk=0.0
     )
 
 
 def estimated_motion(
-    previous: MotionEstimate,
-    state: VehicleState,
-    airframe: Airframe,
-    time_constant: float,
+    previous: MotionEstimate, state: VehicleState, airframe: Airframe, time_constant: float
 ) -> MotionEstimate:
     """Update the motion with dV_g/dt, omega and its rate: filtered differences of course and speed.
 
@@ -81,11 +77,7 @@ def estimated_motion(
 
 
 def _tracked(
-    before: tuple[float, float],
-    raw: float,
-    limit: float,
-    period: float,
-    time_constant: float,
+    before: tuple[float, float], raw: float, limit: float, period: float, time_constant: float
 ) -> tuple[float, float]:
     """Update (rate, its derivative) with a raw rate, possibly an outlier; the rate stays within ±limit."""
     gain, rate_gain = fading_memory_2(period, time_constant)
@@ -98,11 +90,7 @@ def _tracked(
 
 
 def _leader_state(
-    state: VehicleState,
-    *,
-    acceleration: float,
-    turn_rate: float,
-    turn_acceleration: float,
+    state: VehicleState, *, acceleration: float, turn_rate: float, turn_acceleration: float
 ) -> LeaderState:
     """Return a navigated state with its rates."""
     return LeaderState(

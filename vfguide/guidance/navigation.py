@@ -210,11 +210,7 @@ def fading_memory_2(period: float, time_constant: float) -> tuple[float, float]:
 def fading_memory_3(period: float, time_constant: float) -> tuple[float, float, float]:
     """Return the third-order gains (value, rate times period, half second derivative times period²)."""
     memory = memory_of(period, time_constant)
-    return (
-        1.0 - memory**3,
-        1.5 * (1.0 - memory) ** 2 * (1.0 + memory),
-        0.5 * (1.0 - memory) ** 3,
-    )
+    return (1.0 - memory**3, 1.5 * (1.0 - memory) ** 2 * (1.0 + memory), 0.5 * (1.0 - memory) ** 3)
 
 
 def first_state(sample: Sample) -> VehicleState:
@@ -300,11 +296,7 @@ def gusts_after(
 
 
 def navigate_blind(
-    previous: VehicleState,
-    sample: Sample,
-    times: FilterTimes,
-    *,
-    by_course: bool = True,
+    previous: VehicleState, sample: Sample, times: FilterTimes, *, by_course: bool = True
 ) -> VehicleState:
     """Update the state with a later report without using its ground speed.
 

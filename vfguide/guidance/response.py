@@ -514,11 +514,7 @@ def bandwidth_of(
     speed_late = airframe.speed_dead_time + airframe.speed_lag
     speed_delay = max(period, LEAST_PERIOD) + loop_delay + FORETOLD_SHARE * speed_late
     speed = bearable(
-        speed_late,
-        certainty.speed,
-        period=period,
-        loop_delay=loop_delay,
-        factor=factor,
+        speed_late, certainty.speed, period=period, loop_delay=loop_delay, factor=factor
     )
     quickest = amplification * airframe.alpha
     if airframe.course_dead_time + airframe.course_lag > 0.0:

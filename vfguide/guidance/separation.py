@@ -415,11 +415,7 @@ def keep_clear(own: OwnMotion, wanted: WantedMotion, others: Others, agility: Ag
 
 
 def distances(
-    own: OwnMotion,
-    wanted: WantedMotion,
-    clear: Clearance | None,
-    others: Others,
-    agility: Agility,
+    own: OwnMotion, wanted: WantedMotion, clear: Clearance | None, others: Others, agility: Agility
 ) -> tuple[FloatArray, FloatArray]:
     """Return (closest distances, m; times until then, s) of a manoeuvre, or the wanted motion for None."""
     flown = WANTED

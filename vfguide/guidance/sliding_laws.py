@@ -97,11 +97,7 @@ class SlidingGains(msgspec.Struct, frozen=True, kw_only=True):
         return self._layer(period, self.boundary_layer_factor, bandwidth)
 
     def layer_in(
-        self,
-        state: VehicleState,
-        airframe: Airframe,
-        period: float,
-        bandwidth: float = math.inf,
+        self, state: VehicleState, airframe: Airframe, period: float, bandwidth: float = math.inf
     ) -> float:
         """Return the boundary layer for a vehicle's air: in gusts no wider than the sampled loop needs.
 
@@ -332,11 +328,7 @@ def heading_hold(
 
 
 def _course_hold(
-    state: VehicleState,
-    acceleration: float,
-    course_rate: float,
-    airframe: Airframe,
-    hold: float,
+    state: VehicleState, acceleration: float, course_rate: float, airframe: Airframe, hold: float
 ) -> Setpoint:
     """Return the setpoint for course and ground-speed holds: the article's equations."""
     turn_limit = bank_limited_turn_rate(

@@ -35,10 +35,7 @@ def draw_findings(findings: Findings, path: Path, title: str) -> None:
 
 
 def draw(
-    axes: Axes,
-    samples: HoldSamples,
-    found: HoldResponse,
-    shown: Callable[[FloatArray], FloatArray],
+    axes: Axes, samples: HoldSamples, found: HoldResponse, shown: Callable[[FloatArray], FloatArray]
 ) -> None:
     """Draw one stretch: setpoints as steps, the measurement and the model's response."""
     told, seen, modelled = map(shown, (samples.setpoint, samples.seen, followed(samples, found)))

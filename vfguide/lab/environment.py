@@ -31,12 +31,7 @@ from vfguide.errors import InputError, VfguideError
 from vfguide.formation.arrangement import Point
 from vfguide.guidance.airframe import compose
 from vfguide.lab.rehearsal.aircraft import Aircraft, EmulatedForeignLeader, aircraft_of
-from vfguide.lab.rehearsal.lockstep import (
-    FormationShare,
-    LockstepFlight,
-    leading_first,
-    windows,
-)
+from vfguide.lab.rehearsal.lockstep import FormationShare, LockstepFlight, leading_first, windows
 from vfguide.laws.base import DesiredMotion, Law, View
 from vfguide.laws.vectors import HIGH, LOW, ActionKind, motion_of, observed
 from vfguide.link.codec import is_leaders

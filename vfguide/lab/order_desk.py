@@ -19,20 +19,8 @@ from vfguide.formation.orders import Formation
 from vfguide.frames import LocalFrame
 from vfguide.link.codec import Kind, LinkDataError, is_leaders
 from vfguide.link.member import Member, ignore
-from vfguide.link.opening import (
-    Link,
-    WatchedFormation,
-    check_connected,
-    open_link,
-    watching_member,
-)
-from vfguide.link.order_codec import (
-    Reply,
-    Verdict,
-    decode_order,
-    decode_reply,
-    encode_reply,
-)
+from vfguide.link.opening import Link, WatchedFormation, check_connected, open_link, watching_member
+from vfguide.link.order_codec import Reply, Verdict, decode_order, decode_reply, encode_reply
 from vfguide.mission.model import Mission
 from vfguide.mission.order_plan import LeaderPlace, formation_of_mission
 from vfguide.state import HeardState

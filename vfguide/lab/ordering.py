@@ -29,12 +29,7 @@ from vfguide.lab.order_desk import (
 from vfguide.lab.studies.order import Prediction, rehearsed
 from vfguide.link.codec import Kind
 from vfguide.link.opening import Link, WatchedFormation, check_connected
-from vfguide.link.order_codec import (
-    Reply,
-    Verdict,
-    check_of,
-    encode_order,
-)
+from vfguide.link.order_codec import Reply, Verdict, check_of, encode_order
 from vfguide.mission.model import Mission, TimedOrder
 from vfguide.mission.order_plan import formation_of_mission, resolve
 
@@ -216,12 +211,7 @@ def _resolved(
     """Resolve an order that begins `lead_s` seconds from now."""
     time_s = desk.time_s + lead_s
     found, _ = resolve(
-        mission,
-        order,
-        formation,
-        number=number,
-        time_s=time_s,
-        leader=desk.leader_place(time_s),
+        mission, order, formation, number=number, time_s=time_s, leader=desk.leader_place(time_s)
     )
     return found
 

@@ -79,12 +79,7 @@ class DesiredMotion(NamedState, frozen=True, kw_only=True):
 
 
 def approach(
-    view: View,
-    *,
-    course: float,
-    speed: float,
-    course_rate: float = 0.0,
-    acceleration: float = 0.0,
+    view: View, *, course: float, speed: float, course_rate: float = 0.0, acceleration: float = 0.0
 ) -> DesiredMotion:
     """Return a motion toward a course and ground speed, as fast as the vehicle and its holds permit.
 
@@ -206,13 +201,7 @@ class FollowerGuidance(msgspec.Struct, frozen=True, kw_only=True):
 class SlotKeeper:
     """Law with its slot and memory."""
 
-    def __init__(
-        self,
-        law: Law,
-        slot: Slot,
-        *,
-        slot_at: SlotAt | None = None,
-    ) -> None:
+    def __init__(self, law: Law, slot: Slot, *, slot_at: SlotAt | None = None) -> None:
         """Create a keeper without memory, for a law of this follower alone.
 
         `slot_at` gives a moving slot at a time of the follower's clock (s); None for a fixed slot.
@@ -232,12 +221,7 @@ class SlotKeeper:
         self._started = False
 
     def step(
-        self,
-        state: VehicleState,
-        leader: LeaderState,
-        *,
-        period: float,
-        held: bool = False,
+        self, state: VehicleState, leader: LeaderState, *, period: float, held: bool = False
     ) -> FollowerGuidance:
         """Return the guidance for a navigated state and the latest leader state, however old.
 

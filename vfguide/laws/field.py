@@ -324,12 +324,7 @@ def field_findings(
     mission: Mission, conditions: Conditions, gains: FieldGains
 ) -> Iterator[Finding]:
     """Yield all findings on a field's gains in a mission, up to the first check with an error."""
-    for check in (
-        field_beyond_bank,
-        fields_beyond_the_loop,
-        integral_too_fast,
-        turns_beyond_field,
-    ):
+    for check in (field_beyond_bank, fields_beyond_the_loop, integral_too_fast, turns_beyond_field):
         found = list(check(mission, conditions, gains))
         yield from found
         if any(one.severity == "error" for one in found):

@@ -112,10 +112,7 @@ class LeaderLaw(ABC):
                 course_rate,
                 self.settings.sliding.kappa,
                 self.settings.sliding.layer_in(
-                    view.state,
-                    self.airframe,
-                    view.period,
-                    self.settings.sliding.course_bandwidth,
+                    view.state, self.airframe, view.period, self.settings.sliding.course_bandwidth
                 ),
             ),
             ground_speed=view.state.ground_speed,

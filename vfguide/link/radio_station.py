@@ -477,12 +477,7 @@ class Station:
             self._member.counters["radio: no time to tell"] += 1
             return b""
         packet = encode_packet(
-            kind,
-            formation=self._mark,
-            sender=self._number,
-            ticks=ticks,
-            body=body,
-            flags=flags,
+            kind, formation=self._mark, sender=self._number, ticks=ticks, body=body, flags=flags
         )
         return packet + tag_of(self._key, epoch, packet)
 

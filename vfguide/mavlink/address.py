@@ -222,11 +222,7 @@ class Status:
             logger.warning("%s", text, extra=fields)
 
     def _fields(self, detail: str) -> dict[str, str | bool]:
-        return {
-            "mavlink_address": self._address,
-            "connected": self.connected,
-            "detail": detail,
-        }
+        return {"mavlink_address": self._address, "connected": self.connected, "detail": detail}
 
 
 def reason_of(error: Exception) -> str:

@@ -103,10 +103,7 @@ MODES = [
 HOMEWARD = frozenset({"RTL", "QLAND", "QRTL", "LOITER_ALT_QLAND", "AUTOLAND"})
 
 STEERING_COMMANDS = frozenset(
-    {
-        mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
-        mavlink.MAV_CMD_GUIDED_CHANGE_SPEED,
-    }
+    {mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_CMD_GUIDED_CHANGE_SPEED}
 )
 """Commands that steer in GUIDED."""
 
@@ -378,10 +375,7 @@ class ArduPlane(AutopilotAdapter):
         acceleration is 0: any other value restarts the slew with each new speed.
         """
         speed = command_int(
-            self._vehicle,
-            mavlink.MAV_CMD_GUIDED_CHANGE_SPEED,
-            self._speed_type,
-            setpoint.speed,
+            self._vehicle, mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, self._speed_type, setpoint.speed
         )
         return [self._course(setpoint.course), speed]
 

@@ -333,7 +333,7 @@ REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
 """Decoders of the messages used; all others are ignored and counted."""
 
 ATTITUDE_REPORTS: dict[int, Callable[[MAVLink_message], Report | None]] = {
-    mavlink.MAVLINK_MSG_ID_ATTITUDE: attitude_report,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: attitude_report
 }
 """Decoders of further messages, used on request."""
 

@@ -101,12 +101,7 @@ class Plugins:
 class MavsdkChannel:
     """Channel of a connection kept by MAVSDK."""
 
-    def __init__(
-        self,
-        address: Address,
-        receive: Callable[[bytes], None],
-        status: Status,
-    ) -> None:
+    def __init__(self, address: Address, receive: Callable[[bytes], None], status: Status) -> None:
         """Create a channel that is not connected yet; `receive` gets whole frames from the event loop.
 
         Raises:

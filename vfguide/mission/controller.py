@@ -139,10 +139,7 @@ def controller_model(name: str, gains: type[BaseModel]) -> type[Controller]:
     kind: Any = (Literal[name], name)
     bases: tuple[Any, ...] = (Controller, gains)
     return create_model(
-        f"{name.capitalize()}Controller",
-        __base__=bases,
-        __module__=__name__,
-        type=kind,
+        f"{name.capitalize()}Controller", __base__=bases, __module__=__name__, type=kind
     )
 
 

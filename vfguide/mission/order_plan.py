@@ -273,8 +273,7 @@ def with_slots(mission: Mission, slots: Mapping[str, Point]) -> Mission:
     """Return a mission with only these followers, in these slots."""
     followers = tuple(
         Follower(
-            vehicle=name,
-            slot=Slot(forward_m=point.forward, right_m=point.right, up_m=point.up),
+            vehicle=name, slot=Slot(forward_m=point.forward, right_m=point.right, up_m=point.up)
         )
         for name, point in slots.items()
     )

@@ -6,15 +6,7 @@ from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
 from vfguide.mission.consistency import DEFAULT_AIRSPEED_RANGE_M_S
-from vfguide.mission.quantity import (
-    Duration,
-    Gain,
-    Number,
-    Section,
-    Speed,
-    Switch,
-    known_in,
-)
+from vfguide.mission.quantity import Duration, Gain, Number, Section, Speed, Switch, known_in
 from vfguide.registry import autopilots
 from vfguide.state import SpeedHold
 

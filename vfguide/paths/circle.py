@@ -193,12 +193,7 @@ class Helix(Path):
         progress = where(is_level, progress + turn, progress)
         height_there, slope = climb.at(progress)
         return PathPoint(
-            level.course,
-            level.cross_track_error,
-            level.curvature,
-            progress,
-            height_there,
-            slope,
+            level.course, level.cross_track_error, level.curvature, progress, height_there, slope
         )
 
     def at(self, progress: Number) -> PathPlace[Number]:

@@ -15,15 +15,7 @@ from vfguide.guidance.path import Path, PathPlace, PathPoint
 from vfguide.mission import quantity
 from vfguide.mission.flight_path import PathShape
 from vfguide.mission.quantity import Course, Position
-from vfguide.paths.climb import (
-    EASE_M,
-    LEVEL,
-    Climb,
-    ClimbAngle,
-    EndHeight,
-    check_end,
-    climb_of,
-)
+from vfguide.paths.climb import EASE_M, LEVEL, Climb, ClimbAngle, EndHeight, check_end, climb_of
 from vfguide.registry import paths
 
 SLOPE_FIELDS = ("slope", "intercept_m", "direction")

@@ -255,11 +255,7 @@ class PieceTree:
         )
         self._leaves = list(zip(*(one.tolist() for one in self._chords), strict=True))
         middles = np.stack(
-            [
-                self._chords[0] + 0.5 * north,
-                self._chords[1] + 0.5 * east,
-                *self._chords[2:4],
-            ]
+            [self._chords[0] + 0.5 * north, self._chords[1] + 0.5 * east, *self._chords[2:4]]
         )
         self._levels = [circles(middles, 0.5 * chord, 1)]
         while self._levels[-1].shape[1] > 1:

@@ -166,10 +166,7 @@ class Racetrack(Path):
         point = self.nearest(north, east)
         error, tangent = point.cross_track_error, self.course + self.direction * (far + near)
         return PathPlace(
-            north + error * sin(tangent),
-            east - error * cos(tangent),
-            point.course,
-            point.curvature,
+            north + error * sin(tangent), east - error * cos(tangent), point.course, point.curvature
         )
 
     def outline(self, count: int) -> FloatArray:

@@ -500,11 +500,7 @@ class PlanShape(RouteShape):
     def curve(self) -> Mapping[str, Any]:
         """Fields of the route, without the file's name and the plan's other contents."""
         route = {"waypoints", "end", "loiter_radius_m"}
-        return {
-            **super().curve,
-            "file": None,
-            "contents": self.read.model_dump(include=route),
-        }
+        return {**super().curve, "file": None, "contents": self.read.model_dump(include=route)}
 
     @property
     def corners(self) -> tuple[Waypoint, ...]:

@@ -179,10 +179,7 @@ def described(
 
 
 def joined(
-    kind: type,
-    plain: Mapping[str, Any],
-    arrays: Mapping[str, AnyArray],
-    prefix: str = "",
+    kind: type, plain: Mapping[str, Any], arrays: Mapping[str, AnyArray], prefix: str = ""
 ) -> dict[str, Any]:
     """Return the field contents of a dataclass that `described` has split."""
     names = [field.name for field in fields(kind)]

@@ -23,8 +23,7 @@ class PilotMachine(RuleBasedStateMachine):
         self.encounter = Encounter(seed, kind)
 
     @rule(
-        action=st.sampled_from(sorted(set(ACTIONS))),
-        length_s=st.sampled_from([0.1, 0.7, 1.3, 2.6]),
+        action=st.sampled_from(sorted(set(ACTIONS))), length_s=st.sampled_from([0.1, 0.7, 1.3, 2.6])
     )
     def happen(self, action: str, length_s: float) -> None:
         self.encounter.do(action, length_s)

@@ -91,10 +91,7 @@ async def test_aircraft_move_and_a_companion_that_is_killed_turns_its_card(
     mission, mosquitto, open_page, tmp_path
 ):
     broker = mosquitto()
-    async with (
-        watched(mission, broker, tmp_path) as (flight, url),
-        open_page(url) as page,
-    ):
+    async with watched(mission, broker, tmp_path) as (flight, url), open_page(url) as page:
         for name in flight.names:
             await expect(card(page, name).locator(".mode")).to_have_text("tracking")
         assert "token" not in page.url

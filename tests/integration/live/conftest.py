@@ -162,10 +162,7 @@ def speedup(request: pytest.FixtureRequest) -> float:
 
 @pytest.fixture
 def flown(
-    mission: Mission,
-    tmp_path: Path,
-    mosquitto: Callable[[], Mosquitto],
-    speedup: float,
+    mission: Mission, tmp_path: Path, mosquitto: Callable[[], Mosquitto], speedup: float
 ) -> Callable[..., AbstractAsyncContextManager[Watched]]:
     """Flies live, and sees that nobody came too near to another and that every program ended well."""
 

@@ -52,10 +52,7 @@ async def test_a_state_is_not_kept_for_those_who_come_later(port, opened):
 
 
 async def test_of_states_published_at_once_the_newest_is_sent(port, opened):
-    async with (
-        opened(port, "lead") as (leader, _),
-        opened(port, "f1", "lead") as (_, box),
-    ):
+    async with opened(port, "lead") as (leader, _), opened(port, "f1", "lead") as (_, box):
         for number in range(1000):
             leader.publish(b"%d" % number)
         await until(lambda: box)

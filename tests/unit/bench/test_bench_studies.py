@@ -7,14 +7,7 @@ import pytest
 from tests.kit.figures import figures_with
 from tests.kit.missions import shipped
 from vfguide.lab.studies.comparison import seeded, summed_up
-from vfguide.lab.studies.flown import (
-    MISSIONS,
-    Case,
-    article_mission,
-    dask_executor,
-    flown_by,
-    fly,
-)
+from vfguide.lab.studies.flown import MISSIONS, Case, article_mission, dask_executor, flown_by, fly
 from vfguide.lab.studies.scale import crowd, growth_exponent
 
 

@@ -10,15 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from vfguide.companion.belief import (
-    LIVES,
-    NEXT,
-    STAYED_S,
-    Belief,
-    Believed,
-    Evidence,
-    Life,
-)
+from vfguide.companion.belief import LIVES, NEXT, STAYED_S, Belief, Believed, Evidence, Life
 from vfguide.companion.witnesses import HeightBelief, HeightWitnesses
 from vfguide.guidance.navigation import ReportedMotion, reach_of
 from vfguide.state import Airframe

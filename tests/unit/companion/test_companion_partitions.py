@@ -128,10 +128,7 @@ def test_what_the_leader_flies_is_taken_up_by_a_part_that_a_deputy_leads():
     formation = begun(lost=lost)
     farther = Point(1.5 * SLOTS["f1"].forward, SLOTS["f1"].right, 0.0)
     order = order_of(
-        *moves({**SLOTS, "f1": farther}),
-        number=8,
-        time_s=formation.now + LEAD_S,
-        across_s=3.0,
+        *moves({**SLOTS, "f1": farther}), number=8, time_s=formation.now + LEAD_S, across_s=3.0
     )
     formation.give(order)
     formation.run(formation.now + LEAD_S + 2.0)

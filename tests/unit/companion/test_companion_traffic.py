@@ -22,13 +22,7 @@ from vfguide.companion.height_beside import (
     worth_in_plane,
 )
 from vfguide.companion.plan import OtherVehicle
-from vfguide.companion.possibilities import (
-    BERTH_M,
-    DRIFT_M_S,
-    SILENT_S,
-    SPACING_SHARE,
-    Viewpoint,
-)
+from vfguide.companion.possibilities import BERTH_M, DRIFT_M_S, SILENT_S, SPACING_SHARE, Viewpoint
 from vfguide.companion.state_receiver import StateReceiver
 from vfguide.companion.timing import SAME_CLOCK, SharedClock
 from vfguide.companion.traffic import FORGET_S, LATE_INTERVALS, LATE_STATE_S, Traffic, kept_berth

@@ -11,14 +11,7 @@ from msgspec.structs import replace
 from numpy.random import default_rng
 from pymap3d.rcurve import meridian, transverse
 
-from sitl_stub import (
-    ArticleWind,
-    CalmWind,
-    PlantParameters,
-    Shear,
-    SteadyWind,
-    air_of,
-)
+from sitl_stub import ArticleWind, CalmWind, PlantParameters, Shear, SteadyWind, air_of
 from sitl_stub.air import (
     SHORTEST_WAVE_M,
     Air,
@@ -30,12 +23,7 @@ from sitl_stub.air import (
     low_altitude_intensity,
     wave_numbers,
 )
-from sitl_stub.geometry import (
-    MIN_GROUND_SPEED_M_S,
-    displace,
-    ground_speed_along_m_s,
-    radii_m,
-)
+from sitl_stub.geometry import MIN_GROUND_SPEED_M_S, displace, ground_speed_along_m_s, radii_m
 from sitl_stub.sensor_errors import GaussMarkov, SensorErrors, SensorGrade
 from sitl_stub.settings import parse_gust
 from tests.kit.autopilot import new_station

@@ -15,12 +15,7 @@ from sitl_stub.lagging_plant import (
     tecs_integral_rate_m_s3,
     with_speed_kind,
 )
-from sitl_stub.loops import (
-    Targets,
-    TurnTarget,
-    turn_rate_rad_s,
-    wanted_bank_rad,
-)
+from sitl_stub.loops import Targets, TurnTarget, turn_rate_rad_s, wanted_bank_rad
 from sitl_stub.px4 import EmulatedPx4
 from tests.kit.autopilot import new_station
 from tests.kit.plants import flown, held, plant_state

@@ -15,11 +15,7 @@ from pymavlink.dialects.v20.ardupilotmega import MAVError, MAVLink, MAVLink_mess
 
 from vfguide.elementwise import FloatArray
 from vfguide.errors import InputError
-from vfguide.mavlink.codec import (
-    UNKNOWN_HEADING,
-    airspeed_report,
-    position_report,
-)
+from vfguide.mavlink.codec import UNKNOWN_HEADING, airspeed_report, position_report
 from vfguide.record.tlog import read_tlog
 from vfguide.regular_file import open_regular
 

@@ -42,9 +42,7 @@ CHUNK = 1 << 20
 LONGEST = 255
 """Maximum message length, bytes."""
 
-CODES = {
-    **{letter: letter for letter in "bBhHiIfdqQ"},
-}
+CODES = {**{letter: letter for letter in "bBhHiIfdqQ"}}
 CODES |= {"g": "e", "n": "4s", "N": "16s", "Z": "64s", "a": "64s"}
 CODES |= {"c": "h", "C": "H", "e": "i", "E": "I", "L": "i", "M": "B"}
 SCALES = {**dict.fromkeys("cCeE", 0.01), "L": 1e-7}

@@ -169,12 +169,7 @@ def geodetic(
     """Return (latitude, longitude) of local places, degrees: `LocalFrame.to_geodetic` for arrays."""
     drop = (north_m * north_m + east_m * east_m) / (2.0 * EARTH_RADIUS)
     latitude, longitude, _ = pymap3d.ned2geodetic(
-        north_m,
-        east_m,
-        drop,
-        origin.latitude_deg,
-        origin.longitude_deg,
-        origin.altitude_amsl_m,
+        north_m, east_m, drop, origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m
     )
     return np.asarray(latitude, dtype=np.float64), np.asarray(longitude, dtype=np.float64)
 

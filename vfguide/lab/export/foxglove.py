@@ -78,10 +78,7 @@ def write_mcap(record: FlightRecord, path: Path) -> None:
         InputError: the record has no geographic origin.
     """
     context, begin_ns = Context(), round(begin_of(record) * 1e9)
-    with (
-        path.open("wb") as file,
-        open_mcap(file, context=context) as writer,
-    ):
+    with path.open("wb") as file, open_mcap(file, context=context) as writer:
         topics = FoxgloveTopics(context)
         put_path(record, topics, begin_ns)
         for part in parts_of(record):
@@ -291,12 +288,7 @@ def attitude(heading_deg: float, bank_deg: float) -> tuple[float, float, float, 
     roll = math.radians(bank_deg)
     sine, cosine = math.sin(yaw / 2.0), math.cos(yaw / 2.0)
     roll_sine, roll_cosine = math.sin(roll / 2.0), math.cos(roll / 2.0)
-    return (
-        cosine * roll_sine,
-        sine * roll_sine,
-        sine * roll_cosine,
-        cosine * roll_cosine,
-    )
+    return (cosine * roll_sine, sine * roll_sine, sine * roll_cosine, cosine * roll_cosine)
 
 
 def colour_of(code: str, opacity: float) -> Color:

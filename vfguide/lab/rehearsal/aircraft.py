@@ -392,11 +392,7 @@ class Aircraft:
 
 
 def aircraft_of(
-    mission: Mission,
-    name: str,
-    *,
-    log: TelemetryLog | None = None,
-    orders: OrderMail | None = None,
+    mission: Mission, name: str, *, log: TelemetryLog | None = None, orders: OrderMail | None = None
 ) -> Aircraft | EmulatedForeignLeader:
     """Return the aircraft of this name at its start; for the arguments see `Aircraft`."""
     if mission.leader.is_foreign and name == mission.leader.vehicle:

@@ -127,10 +127,7 @@ class RadioAir:
         """Plug in a station whose clock shows `offset_s` at virtual time 0 and runs `rate` times as fast."""
         random = Random(f"{self._seed} radio {len(self.radios)}")
         radio = EmulatedRadio(
-            station=station,
-            bursts=Bursts(self.quality, random),
-            offset_s=offset_s,
-            rate=rate,
+            station=station, bursts=Bursts(self.quality, random), offset_s=offset_s, rate=rate
         )
         self.radios.append(radio)
         station.begin(radio.clock(self.now))

@@ -28,13 +28,7 @@ from vfguide.lab.rehearsal.aircraft import settings_of
 from vfguide.lab.rehearsal.processes import Account, Process, accounts_of, free_port, python_module
 from vfguide.lab.rehearsal.recorder import TruthCollector
 from vfguide.link.carrier import parse_links
-from vfguide.link.keys import (
-    OPERATOR,
-    key_places,
-    make_keys,
-    read_private_key,
-    read_roster,
-)
+from vfguide.link.keys import OPERATOR, key_places, make_keys, read_private_key, read_roster
 from vfguide.link.opening import WatchedFormation, presences
 from vfguide.link.presence import Presence
 from vfguide.mission.model import Mission
@@ -42,11 +36,7 @@ from vfguide.mission.rehearsal import Loss
 from vfguide.record.events import SUFFIX as EVENTS_SUFFIX
 from vfguide.record.events import read_events
 from vfguide.record.flight import FlightRecord
-from vfguide.record.guidance_log import (
-    SUFFIX,
-    read_guidance,
-    read_newest,
-)
+from vfguide.record.guidance_log import SUFFIX, read_guidance, read_newest
 from vfguide.record.latency import Latency, latency_of
 from vfguide.record.recording import parts_of
 from vfguide.record.response import SUFFIX as RESPONSE_SUFFIX

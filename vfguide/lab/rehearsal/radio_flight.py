@@ -163,10 +163,7 @@ class RadioAircraft:
         self.refused: Counter[str] = Counter()
         """Messages that its members of earlier runs rejected, by reason."""
         self.member = self._new_member()
-        clock = SharedClock(
-            to_own=self._to_own,
-            from_own=self._from_own,
-        )
+        clock = SharedClock(to_own=self._to_own, from_own=self._from_own)
         self.aircraft = Aircraft(
             channels.mission, name, log=log, clock=clock, orders=(), greeting_s=GREETING_S
         )

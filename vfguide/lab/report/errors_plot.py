@@ -73,10 +73,7 @@ def draw_distance(axes: Axes, record: FlightRecord) -> None:
             linewidth=1.1,
             label=plain_text(follower.name),
         )
-    limits = (
-        ("mean", record.acceptance.mean_error_m),
-        ("greatest", record.acceptance.max_error_m),
-    )
+    limits = (("mean", record.acceptance.mean_error_m), ("greatest", record.acceptance.max_error_m))
     # The label of a limit out of sight would leave no room for the axes.
     shown = np.array([required for _, required in limits if required is not None])
     low, high = extent([np.maximum(np.append(errors, shown), LEAST_DRAWN_M)])

@@ -150,9 +150,7 @@ def find_rejections(acceptance: RecordAcceptance, formation: FormationSummary) -
     found = (
         reject_error("mean formation error", formation.mean_error_m, acceptance.mean_error_m),
         reject_error(
-            "mean formation error in space",
-            formation.mean_error_3d_m,
-            acceptance.mean_error_3d_m,
+            "mean formation error in space", formation.mean_error_3d_m, acceptance.mean_error_3d_m
         ),
         reject_error("greatest formation error", formation.max_error_m, acceptance.max_error_m),
         reject_settling(10, formation.settle_10m_s, acceptance.settle_10m_s),

@@ -149,12 +149,7 @@ def _vehicle_cells(summary: Summary, recorded: VehicleRecord) -> tuple[str, ...]
     else:
         along = mean_in_digits(vehicle.along_track_error_m)
         across = mean_in_digits(vehicle.cross_track_error_m)
-    return (
-        slot,
-        *main_error(vehicle),
-        along,
-        across,
-    )
+    return (slot, *main_error(vehicle), along, across)
 
 
 def _handling_cells(handling: Handling) -> tuple[str, ...]:

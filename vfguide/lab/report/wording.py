@@ -217,9 +217,7 @@ def summary_table(summary: Summary) -> Group:
     """Return a table of the errors of each vehicle and the formation, with the verdict below."""
     begin, end = summary.formation.window_s
     table = Table(
-        title=Text(summary.mission, style="bold"),
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
+        title=Text(summary.mission, style="bold"), title_justify="left", box=box.SIMPLE_HEAD
     )
     table.add_column(Text(f"error in m, {begin:g} to {end:g} s"))
     for heading in ("mean", "95 %", "greatest", "cut by limits", "roll, °/s"):

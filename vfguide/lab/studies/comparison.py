@@ -29,12 +29,7 @@ from vfguide.registry import laws
 
 PLANTS = ("heading-hold", "course-hold")
 
-BAD_LINK = {
-    "link_delay_s": 0.2,
-    "link_jitter_s": 0.05,
-    "link_loss": 0.2,
-    "position_noise_m": 0.3,
-}
+BAD_LINK = {"link_delay_s": 0.2, "link_jitter_s": 0.05, "link_loss": 0.2, "position_noise_m": 0.3}
 """Conditions of the flights over a bad link, which differ by their seed."""
 
 START_SPREAD_M = 25.0

@@ -345,9 +345,7 @@ def replay_of(record: FlightRecord) -> PagePart:
     markup = read("replay.html").replace("<!-- below -->\n", read("numbers.html"))
     data = f'<script type="application/json" id="replay-data">{replay_json(record)}</script>\n'
     return PagePart(
-        style=read("replay.css"),
-        markup=f"<h2>Replay</h2>\n{markup}{data}",
-        script=program(),
+        style=read("replay.css"), markup=f"<h2>Replay</h2>\n{markup}{data}", script=program()
     )
 
 
