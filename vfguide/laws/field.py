@@ -40,7 +40,7 @@ from vfguide.guidance.sliding_laws import sliding_acceleration, sliding_course_r
 from vfguide.laws.base import DesiredMotion, Law, View, law
 from vfguide.mission import quantity
 from vfguide.mission.feasibility import effective_layer
-from vfguide.mission.finding import Finding, no_more_than
+from vfguide.mission.finding import Finding, no_more_than, told_apart
 from vfguide.mission.flight_limits import Conditions
 from vfguide.mission.model import Mission
 from vfguide.mission.quantity import Duration, Gain, Section, Switch
@@ -337,15 +337,6 @@ def field_pulls(gains: FieldGains, speed: float) -> tuple[float, float]:
     return field_slope(gains.k_x, gains.v_inf_m_s), across
 
 
-def told_apart(first: float, second: float) -> tuple[str, str]:
-    """Format two numbers with one to three decimals, as many as distinguish them."""
-    for digits in range(1, 4):
-        texts = f"{first:.{digits}f}", f"{second:.{digits}f}"
-        if texts[0] != texts[1]:
-            break
-    return texts
-
-
 def law_pull(mission: Mission) -> float:
     """Return the bandwidth of the course and speed laws: kappa / epsilon, 1/s."""
     controller = mission.controller
@@ -367,7 +358,7 @@ def fields_beyond_the_loop(
     for name, gain, pull in (("k_y", gains.k_y, across), ("k_x", gains.k_x, along)):
         if pull <= followed:
             continue
-        pulls, follows = told_apart(pull, followed)
+        pulls, follows = told_apart(pull, followed, 1)
         message = (
             f"near its slot the field pulls at {pulls} 1/s, "
             f"faster than the {follows} 1/s at which the law follows: the formation swings"
@@ -437,9 +428,10 @@ def field_beyond_bank(
         allowed = bank_limited_turn_rate(math.radians(mission.vehicles[name].max_bank_deg), speed)
         needed = turn + course_field_turn_rate(gains.k_y, speed, gains.chi_inf)
         if needed > allowed:
+            asked, given = told_apart(needed, allowed, 2)
             message = (
-                f"joining its slot, '{name}' is asked to turn at up to {needed:.2f} rad/s at "
-                f"{speed:.1f} m/s over ground; its bank gives {allowed:.2f}, so it joins less sharply"
+                f"joining its slot, '{name}' is asked to turn at up to {asked} rad/s at "
+                f"{speed:.1f} m/s over ground; its bank gives {given}, so it joins less sharply"
             )
             yield Finding("note", ("controller", "k_y"), message)
             return

@@ -107,6 +107,15 @@ def no_more_than(value: float) -> str:
     return f"{math.floor(value / step) * step:.6g}"
 
 
+def told_apart(first: float, second: float, digits: int) -> tuple[str, str]:
+    """Format two numbers with `digits` decimals, or up to two more where only these distinguish them."""
+    for decimals in range(digits, digits + 3):
+        texts = f"{first:.{decimals}f}", f"{second:.{decimals}f}"
+        if texts[0] != texts[1]:
+            break
+    return texts
+
+
 def printable(text: str) -> str:
     """Return the text with unprintable characters, including line breaks, as escapes."""
     return "".join(

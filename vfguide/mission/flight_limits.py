@@ -29,7 +29,7 @@ from vfguide.guidance.airframe import (
 )
 from vfguide.guidance.formation import Slot, slot_velocity
 from vfguide.guidance.height import ClimbLimits
-from vfguide.mission.finding import Finding, Location, no_more_than
+from vfguide.mission.finding import Finding, Location, no_more_than, told_apart
 from vfguide.mission.flight_path import PathShape, path_of
 from vfguide.mission.model import Follower, Mission
 from vfguide.mission.place import Fence, frame_of
@@ -169,9 +169,10 @@ def turns_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
         bank = math.degrees(bank_for(float(speed[worst]), float(turn_rate[worst])))
         allowed = mission.vehicles[name].max_bank_deg
         if bank > allowed:
+            needed, limit = told_apart(bank, allowed, 0)
             message = (
-                f"'{name}' has to bank {bank:.0f}° on the turn at up to {speed[worst]:.1f} m/s "
-                f"over ground, its limit is {allowed:g}°"
+                f"'{name}' has to bank {needed}° on the turn at up to {speed[worst]:.1f} m/s "
+                f"over ground, its limit is {limit}°"
             )
             remedy = (
                 "widen the path's turns, fly slower, or move the slot to the inside of the turn"
@@ -197,9 +198,10 @@ def field_beyond_bank(mission: Mission, conditions: Conditions) -> Iterator[Find
     needed = field + speed * curvature
     if needed <= allowed:
         return
+    asked, given = told_apart(needed, allowed, 2)
     message = (
-        f"joining the path, the field turns at up to {needed:.2f} rad/s at {speed:.1f} m/s over ground, "
-        f"a bank of {mission.leader_vehicle.max_bank_deg:g}° gives {allowed:.2f}: "
+        f"joining the path, the field turns at up to {asked} rad/s at {speed:.1f} m/s over ground, "
+        f"a bank of {mission.leader_vehicle.max_bank_deg:g}° gives {given}: "
         "the leader cannot keep to it there"
     )
     room = allowed - speed * curvature

@@ -7,9 +7,9 @@ from pydantic import ValidationError
 
 from tests.kit.missions import faults_of, line_of, loaded, mission_with, shipped, text_of
 from vfguide.errors import InputError
-from vfguide.laws.field import told_apart
 from vfguide.mission import Mission, check_mission
 from vfguide.mission.controller import controller_of, with_law
+from vfguide.mission.finding import told_apart
 from vfguide.mission.load import with_overrides
 from vfguide.mission.overrides import Overrides, parse_settings
 
@@ -101,5 +101,6 @@ def test_a_law_that_is_no_field_is_not_judged_as_one(law):
 
 
 def test_two_numbers_of_a_message_differ_in_it():
-    assert told_apart(2.14, 2.12) == ("2.14", "2.12")
-    assert told_apart(70.0, 5.7) == ("70.0", "5.7")
+    assert told_apart(2.14, 2.12, 1) == ("2.14", "2.12")
+    assert told_apart(70.0, 5.7, 1) == ("70.0", "5.7")
+    assert told_apart(60.2, 60.0, 0) == ("60.2", "60.0")

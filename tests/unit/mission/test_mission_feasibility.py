@@ -281,7 +281,7 @@ def test_a_course_field_turns_as_fast_as_a_lines_or_at_half_of_that():
     [
         # g/20 = 0.4903 rad/s on the line, k_y . 2.02386 of the field: up to k_y = 0.2423
         ("line-calm", 0.242, None),
-        ("line-calm", 0.243, "at up to 0.49 rad/s at 20.0 m/s over ground"),
+        ("line-calm", 0.243, "at up to 0.492 rad/s at 20.0 m/s over ground; its bank gives 0.490,"),
         # The outer slot: hypot(20 + 0.1333 . 20, 0.1333 . 20) = 22.82 m/s, where the bank gives 0.4297 rad/s.
         # 0.5 . 0.15 . 22.82 . 0.202386 = 0.3464 is less, with the circle's own 0.1333 it is 0.4797.
         ("circle-calm", 0.12, None),
