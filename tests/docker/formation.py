@@ -91,8 +91,9 @@ class Formation:
         run("docker", "network", "disconnect", f"{self._name}_link", self.container(service))
 
     def let_back(self, service: str) -> None:
-        """Give the link back."""
-        run("docker", "network", "connect", f"{self._name}_link", self.container(service))
+        """Give the link back, and the name on it."""
+        alias = ("--alias", service)
+        run("docker", "network", "connect", *alias, f"{self._name}_link", self.container(service))
 
     def start(self) -> None:
         """Start all containers, and wait until the judge lets the aircraft begin."""
