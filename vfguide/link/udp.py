@@ -119,8 +119,9 @@ def is_broadcast(*destinations: tuple[str, int]) -> bool:
         try:
             # Nothing is sent. Systems deny a broadcast address to a socket without SO_BROADCAST.
             probe.connect(destinations[0])
-        except OSError:
-            return True
+        except OSError as error:
+            # Without a network nothing is known yet: the port is its owner's alone.
+            return isinstance(error, PermissionError)
     return False
 
 
