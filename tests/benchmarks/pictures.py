@@ -84,8 +84,8 @@ def keeping_clear(path: Path) -> None:
     content["rehearsal"] |= {"duration_s": 12.0, "losses": []}
     steps: list[tuple[OwnMotion, WantedMotion, Others, Agility, Clearance]] = []
 
-    def kept(*step: Any) -> Clearance:
-        clear = keep_clear(*step)
+    def kept(*step: Any, **side: float) -> Clearance:
+        clear = keep_clear(*step, **side)
         steps.append((*step, clear))
         return clear
 

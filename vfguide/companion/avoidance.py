@@ -206,7 +206,8 @@ class KeepClear:
         if any(one.over_m for one in those) and math.isfinite(here.altitude_amsl):
             heights = self._heights_ahead(here, aim)
             others = replace(others, worth=worth_in_plane(heights, others, those))
-        clear = keep_clear(own, aim.wanted, others, agility)
+        side = 0.0 if self._clear is None else self._clear.turn
+        clear = keep_clear(own, aim.wanted, others, agility, side=side)
         # In close slots, with nothing to change, two may stay nearer than this for ever.
         room_m = math.inf
         if clear.changed:

@@ -145,6 +145,12 @@ def test_who_is_followed_on_one_side_is_not_pushed_into_the_other_nor_by_a_liar(
     assert found.nearest[:2].min() >= 5.0
 
 
+def test_a_side_that_was_chosen_is_kept():
+    meeting = others(flying(120.0 + 0j, -NORTH))
+    held = keep_clear(HERE, STRAIGHT_ON, meeting, AGILITY, side=-math.radians(20.0))
+    assert held.turn < 0.0
+
+
 def way_of(apart: complex, closing: complex) -> float:
     (way,) = passing(np.array([apart]), np.array([closing]))
     return float(way)
