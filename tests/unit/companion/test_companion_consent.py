@@ -25,7 +25,7 @@ from tests.kit.companion import (
 )
 from tests.kit.states import FRAME
 from tests.kit.wire import flown_position, heartbeat, of_type, parsed, position_report, spoken
-from vfguide.companion.consent import Consent, FileStore, default_directory
+from vfguide.companion.consent import Consent, FileStore, default_directory, parse
 from vfguide.companion.supervisor import Mode
 from vfguide.link.member import ELDER
 
@@ -363,11 +363,12 @@ def test_guided_that_the_pilot_gave_after_taking_over_is_not_handed_back_by_a_ne
 @pytest.mark.parametrize("engage", [True, False])
 def test_who_steers_is_on_the_disk_and_nobody_does_once_the_pilot_has_taken_over(tmp_path, engage):
     flown = new_flight(store=QuickDisk(tmp_path, "f1"), engage=engage, until_s=5.0)
-    assert FileStore(tmp_path, "f1").load().steered is engage
+    file = tmp_path / "f1.consent.json"
+    assert parse(file.read_bytes()).steered is engage
     flown.pilot("GUIDED", until_s=10.0)
-    assert FileStore(tmp_path, "f1").load().steered
+    assert parse(file.read_bytes()).steered
     flown.pilot("LOITER", until_s=12.0)
-    kept = FileStore(tmp_path, "f1").load()
+    kept = parse(file.read_bytes())
     assert (kept.steered, kept.is_spent) == (False, True)
 
 
