@@ -248,7 +248,7 @@ def fail(fault: object, status: int) -> NoReturn:
 
 
 def main() -> None:
-    """Run the command line; what it cannot take is told in one line."""
+    """Run the command line, and report a wrong one in one line."""
     try:
         sys.exit(app(prog_name="sitl-stub", standalone_mode=False))
     except UsageError as error:

@@ -335,10 +335,11 @@ class EmulatedPx4(Personality):
         """Enter a mode; OFFBOARD only while setpoints are already arriving."""
         mode = self._modes.get(custom_mode)
         fresh = self._latest_us is not None and flight.time_us - self._latest_us <= STREAM_FRESH_US
-        if mode is None or (mode is OFFBOARD and mode is not flight.mode and not fresh):
+        enters = mode is not flight.mode
+        if mode is None or (mode is OFFBOARD and enters and not fresh):
             return Result.TEMPORARILY_REJECTED
         self._failed_safe = False
-        if mode is flight.mode:
+        if not enters:
             return Result.ACCEPTED
         if mode is OFFBOARD:
             bank_rad = flight.motion().bank_rad

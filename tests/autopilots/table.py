@@ -92,7 +92,7 @@ ROWS = {
 
 
 def told(name: str) -> list[str]:
-    """What `python -m tests.autopilots.fly_sitl` is told for a row."""
+    """Options of `python -m tests.autopilots.fly_sitl` for a row."""
     return shlex.split(f"{MISSIONS[name.partition('-')[0]]} {ROWS[name][1]}")
 
 

@@ -155,9 +155,9 @@ def flight_record(
     tracks: dict[str, TrueTrack],
     guidance: Mapping[str, GuidanceTrack],
 ) -> FlightRecord:
-    """The flight as reports have it, at samples of its clock; what nobody on the ground knows is no number.
+    """Return the record of a flight at `time_s` (s); NaN where the ground knows no value.
 
-    What companions recorded, at times from the first sample on, tells ordered slots and who led.
+    Ordered slots and the leader come from the companions' records, whose times begin at the first sample.
     """
     since_s = time_s - time_s[0]
     names = [mission.leader.vehicle, *mission.followers_by_name]

@@ -262,7 +262,7 @@ TARGETS: dict[str, tuple[Callable[[str], Feed], Callable[[int], Iterable[bytes]]
     "follower": (companion, partial(Frames, system_id=7, component_id=1, favourites=TO_FOLLOWER)),
     "member": (member, datagrams),
 }
-"""What is fed, and with what."""
+"""Targets, and the frames fed to each."""
 
 
 def main() -> int:

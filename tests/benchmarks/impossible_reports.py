@@ -66,7 +66,7 @@ FAULTS: dict[str, tuple[Fault | Late, ...]] = {
     "positions missing for 5 s": (Late(AT_S, 5.0, inf),),
     "altitude 0 from the start": (Fault("altitude", 0.0, inf, -588.0),),
 }
-"""What goes wrong, as the table has it."""
+"""Faults by their names in the table."""
 
 
 class Flown(Flight):
