@@ -100,7 +100,7 @@ class Outcome:
 def drawn_mission(random: Random) -> Mission:
     """A formation of 4 to 6 aircraft that may order another path and another leader."""
     name = random.choice(list(PATHS))
-    formation = mission_of(random.randint(3, 5))
+    formation = mission_of(random.randint(3, 5), {})
     return replaced(
         formation,
         name=f"random-{name}",

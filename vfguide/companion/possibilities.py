@@ -63,7 +63,7 @@ TURNS_OFF_M_S = 3.0
 """Speed relative to the formation beyond which a vehicle may also continue its arc, m/s."""
 
 ALONG_S = 4.0
-"""Horizon for steered vehicles, which keep clear themselves, and for others that level out, s."""
+"""Horizon for steered vehicles, which keep clear themselves, and others that level out or hang, s."""
 
 ARC_S = 2.0
 """Horizon for vehicles of the formation that continue their arc, s."""
@@ -71,9 +71,6 @@ ARC_S = 2.0
 STANDING_M = 5.5
 """Distance kept from where a vehicle may stand, m: the promised 5 m and the error of places. Nothing is
 predicted there. A follower right behind has to leave its slot by as much."""
-
-HANGS_S = 4.0
-"""Horizon for a silent vehicle whose autopilot may hang, s."""
 
 TURNS_RAD_S = 0.1
 """Turn rate beyond which a vehicle may be rolling into a turn at its bank limit, rad/s."""
@@ -255,8 +252,8 @@ class VehiclesInSight(msgspec.Struct, frozen=True, kw_only=True):
     offset: ComplexArray
     """Place as forward + j right of the leader, m; of silent vehicles at the last state."""
     turn_rate: FloatArray
-    hardest: FloatArray
-    """Turn rate at the bank limit, rad/s."""
+    lateral_acceleration: FloatArray
+    """Limit in turns, g tan(phi_max), m/s²."""
     keep: FloatArray
     spacing: FloatArray
     slot: ComplexArray
@@ -313,7 +310,7 @@ def possibilities_of(
     hangs = holds if leader is None else holds & (seen.drift > TURNS_OFF_M_S)
     least_kept = floor + grown
     found += [
-        (which, tracks, HANGS_S, least_kept)
+        (which, tracks, ALONG_S, least_kept)
         for which, tracks in tracks_banked(seen, hangs, here.wind)
     ]
     first_held = len(found)
@@ -327,8 +324,9 @@ def possibilities_of(
     if free.any():
         arcs(free, seen.turn_rate, HORIZON_S, berth)
         arcs(free, straight, ALONG_S, berth)
-        arcs(free, seen.hardest, here.reaction_s, floor)
-        arcs(free, -seen.hardest, here.reaction_s, floor)
+        hardest = seen.lateral_acceleration / np.maximum(np.abs(seen.velocity), 1.0)
+        arcs(free, hardest, here.reaction_s, floor)
+        arcs(free, -hardest, here.reaction_s, floor)
     if not found:
         return None
     rows = np.concatenate([which for which, *_ in found])
@@ -388,7 +386,7 @@ def tracks_banked(
     drifted = seen.wind * seen.age + seen.carried
     begin = (seen.heard_at + drifted)[:, None] + wind * TIMES
     reported = seen.turn_rate * begun
-    limit = np.copysign(seen.hardest * np.maximum(np.abs(seen.velocity), 1.0), seen.turn_rate)
+    limit = np.copysign(seen.lateral_acceleration, seen.turn_rate)
 
     def tracks(which: BoolArray, lateral: FloatArray) -> tuple[IntArray, ComplexArray]:
         turned = integrals(lateral[:, None] / speed, steps)

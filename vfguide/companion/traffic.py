@@ -415,7 +415,7 @@ class Traffic:
             run=self._heard.run[rows],
             offset=self._heard.offset[rows],
             turn_rate=self._heard.turn_rate[rows],
-            hardest=self._turning[rows] / np.maximum(np.abs(velocity[rows]), 1.0),
+            lateral_acceleration=self._turning[rows],
             keep=keep[rows],
             spacing=self._spacing[rows],
             slot=self._slot[rows],
