@@ -266,6 +266,12 @@ class VehiclesInSight(msgspec.Struct, frozen=True, kw_only=True):
     linked: BoolArray
     """Whether the link has worked without a break since the last state."""
 
+    @property
+    def hardest(self) -> FloatArray:
+        """Turn rate at the limit in turns, rad/s."""
+        rates: FloatArray = self.lateral_acceleration / np.maximum(np.abs(self.velocity), 1.0)
+        return rates
+
 
 def possibilities_of(
     seen: VehiclesInSight, here: Viewpoint, leader: LeaderState | None
@@ -324,9 +330,8 @@ def possibilities_of(
     if free.any():
         arcs(free, seen.turn_rate, HORIZON_S, berth)
         arcs(free, straight, ALONG_S, berth)
-        hardest = seen.lateral_acceleration / np.maximum(np.abs(seen.velocity), 1.0)
-        arcs(free, hardest, here.reaction_s, floor)
-        arcs(free, -hardest, here.reaction_s, floor)
+        arcs(free, seen.hardest, here.reaction_s, floor)
+        arcs(free, -seen.hardest, here.reaction_s, floor)
     if not found:
         return None
     rows = np.concatenate([which for which, *_ in found])
