@@ -53,7 +53,7 @@ def fly(
     ] = None,
     speed_response: Annotated[
         SpeedResponseName | None,
-        typer.Option(help="Autopilot to emulate instead of each vehicle's own."),
+        typer.Option(help="Speed hold of every vehicle instead of its own."),
     ] = None,
     wind: Annotated[WindName | None, typer.Option(help="Wind instead of the file's.")] = None,
     duration: Duration = None,
