@@ -25,9 +25,10 @@ class Plug:
 
     def pull_out(self) -> None:
         if self._near is not None:
+            # Whoever is told that the line is dead finds no port of this name any more.
+            self._name.unlink()
             os.close(self._near)
             self._near = None
-            self._name.unlink()
 
     def taken(self) -> bytes:
         """What has come out so far."""
