@@ -76,6 +76,14 @@ def test_a_pilot_who_has_taken_over_is_not_disturbed_by_a_companion_that_goes_de
     assert flown.autopilot_mode == "MANUAL"
 
 
+def test_a_pilot_who_takes_over_from_a_deaf_companion_keeps_the_vehicle():
+    flown = new_flight(until_s=10.0)
+    flown.run(11.0, deaf=True)
+    flown.pilot("RTL", until_s=40.0)
+    assert_left_alone(flown, "RTL", since_s=10.0)
+    assert flown.later(HEADING, 10.1) == []
+
+
 def test_refusals_that_nobody_asked_for_do_not_end_the_steering_of_a_px4():
     flown = new_flight(kind="px4", version=(1, 18), until_s=15.0)
     refusal = mavlink.MAVLink_command_ack_message(SET_MODE, mavlink.MAV_RESULT_DENIED)
@@ -162,6 +170,14 @@ def test_stopping_hands_back_what_is_steered(kind):
     assert flown.times(SET_MODE) == [21.0]
     assert flown.state == (Mode.WAITING, "LOITER")
     assert flown.companion.released
+
+
+def test_stopping_while_breaking_away_hands_back():
+    flown = new_flight(link=heard_until(20.0), patience={"prediction_s": 3.0}, until_s=25.0)
+    assert flown.mode is Mode.BREAKAWAY
+    flown.companion.stop(25.0)
+    flown.run(26.0)
+    assert flown.autopilot_mode == "LOITER"
 
 
 @pytest.mark.parametrize("begins", ["waiting", "pilot", "lost"])
